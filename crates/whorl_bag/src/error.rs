@@ -19,7 +19,11 @@ pub enum BagError {
     },
     /// The disk, the quota or the largest file size is used up. Recording has stopped; everything up to
     /// the last complete chunk is in the file and readable.
-    #[error("no space left to write {}: recording has stopped, and what was recorded before is readable", path.display())]
+    #[error(
+        "no space left to write {}, beside the {} MB that are kept to close the recording: it has stopped, and what was recorded \
+         before is readable",
+        path.display(), crate::storage::Reserve::BYTES >> 20
+    )]
     DiskFull {
         /// The file that did not fit.
         path: PathBuf,

@@ -40,9 +40,9 @@ mod zstandard;
 pub use background::BackgroundRunWriter;
 pub use channels::{AXES, Carrier, Channel, ChannelInfo, Form, Place, blank};
 pub use csv::{
-    ColumnMap, CsvError, CsvMap, CsvPulse, CsvRecording, CsvRow, CsvRows, CsvSamples, Duplicates,
-    ExportedTopic, JetCommand, JetMap, JetQuantity, NO_COLUMN, PlatformParts, Slot, TimeMap, TimeSource,
-    TruthMap, VectorMap, export_csv, held,
+    AngleMap, ColumnMap, CsvError, CsvLook, CsvMap, CsvPulse, CsvRecording, CsvRow, CsvRows, CsvSamples,
+    Duplicates, ExportedTopic, JetCommand, JetMap, JetQuantity, LookedColumn, NO_COLUMN, PlatformParts, Slot,
+    TimeMap, TimeSource, TruthMap, VectorMap, export_csv, held, look,
 };
 pub use error::BagError;
 pub use layout::{BAG_DIRECTORY, PARAMETER_DIRECTORY, SUMMARY_FILE};

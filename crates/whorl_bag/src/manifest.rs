@@ -207,7 +207,7 @@ impl Manifest {
     /// [`BagError::NotFound`]; as [`Self::from_yaml`].
     pub fn read(run: &Path) -> Result<Self, BagError> {
         let path = run.join(MANIFEST_FILE);
-        let text = std::fs::read_to_string(&path).map_err(|e| BagError::io("cannot read", &path, e))?;
+        let text = whorl_params::read_text(&path).map_err(|e| BagError::io("cannot read", &path, e))?;
         Self::from_yaml(&path, &text)
     }
 

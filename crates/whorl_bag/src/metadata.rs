@@ -158,7 +158,7 @@ pub(crate) fn mcap_files(bag: &Path) -> Result<Vec<PathBuf>, BagError> {
 /// whatever stands beside them.
 pub(crate) fn files_and_doubt(bag: &Path) -> Result<(Vec<PathBuf>, Option<String>), BagError> {
     let path = bag.join(METADATA_FILE);
-    let wrong = match std::fs::read_to_string(&path) {
+    let wrong = match whorl_params::read_text(&path) {
         Ok(text) => match files_of_metadata(bag, &path, &text) {
             Ok(files) => return Ok((files, None)),
             Err(wrong) => wrong,

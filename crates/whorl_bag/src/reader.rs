@@ -387,7 +387,7 @@ fn recorded(header: &mcap::records::MessageHeader, topic: &Arc<BagTopic>, cdr: V
 }
 
 pub(crate) fn open_contents(path: &Path) -> Result<(File, Contents), BagError> {
-    let mut file = File::open(path).map_err(|e| BagError::io("cannot open", path, e))?;
+    let mut file = whorl_params::open_file(path).map_err(|e| BagError::io("cannot open", path, e))?;
     let contents = Contents::read(path, &mut file)?;
     Ok((file, contents))
 }

@@ -40,6 +40,9 @@ pub struct TopicSummary {
 /// An interval of more than this many expected periods is a gap.
 pub const GAP_PERIODS: f64 = 3.0;
 
+/// Writers of one topic that are followed at once: each start of a node is one, and whoever forges messages may be any number.
+const WRITERS: usize = 64;
+
 /// Gathers a [`TopicSummary`]. Pure: times are arguments.
 #[derive(Debug, Clone, Default)]
 pub struct TopicStatistics {
@@ -52,6 +55,8 @@ pub struct TopicStatistics {
     largest_gap_at: Timestamp,
     gaps: u64,
     trackers: BTreeMap<WriterId, SequenceTracker>,
+    /// Counts of writers that are followed no more.
+    past: SequenceCounts,
     counted: bool,
 }
 
@@ -84,13 +89,26 @@ impl TopicStatistics {
     /// Takes note of the message's sequence number.
     pub fn observe_sequence(&mut self, writer: WriterId, sequence: u64) {
         self.counted = true;
+        self.make_room_for(writer);
         self.trackers.entry(writer).or_default().observe(sequence);
     }
 
     /// As [`Self::observe_sequence`], for a number of which only 32 bits are known.
     pub fn observe_sequence_32(&mut self, writer: WriterId, sequence: u32) {
         self.counted = true;
+        self.make_room_for(writer);
         self.trackers.entry(writer).or_insert_with(SequenceTracker::with_32_bits).observe(sequence.into());
+    }
+
+    /// Where too many writers are followed, the one that was heard least is so no more.
+    fn make_room_for(&mut self, writer: WriterId) {
+        if self.trackers.len() < WRITERS || self.trackers.contains_key(&writer) {
+            return;
+        }
+        let least = self.trackers.iter().min_by_key(|(_, tracker)| tracker.counts().received);
+        if let Some(gone) = least.map(|(writer, _)| *writer).and_then(|least| self.trackers.remove(&least)) {
+            self.past = self.past.plus(gone.counts());
+        }
     }
 
     /// Messages so far.
@@ -102,7 +120,7 @@ impl TopicStatistics {
     /// Losses so far, all writers together.
     #[must_use]
     pub fn sequence_counts(&self) -> SequenceCounts {
-        self.trackers.values().fold(SequenceCounts::default(), |sum, t| sum.plus(t.counts()))
+        self.trackers.values().fold(self.past, |sum, t| sum.plus(t.counts()))
     }
 
     /// The result.
@@ -160,5 +178,21 @@ mod tests {
         assert!((summary.rate_hz - 20.0 / 2.9).abs() < 1e-12);
         assert_eq!(summary.sequence.unwrap().lost, 1);
         assert_eq!(TopicStatistics::new(None).summary("/a", "b").sequence, None);
+    }
+
+    /// A thousand writers of three messages each, beside one that goes on: what is kept has a bound, and no count is lost.
+    #[test]
+    fn writers_without_end_take_no_memory() {
+        let mut statistics = TopicStatistics::new(None);
+        for writer in 0..1000_u64 {
+            for k in 0..3 {
+                statistics.observe_sequence((writer + 10).into(), k);
+                statistics.observe_sequence(1, writer * 3 + k);
+            }
+        }
+        assert!(statistics.trackers.len() <= WRITERS, "{}", statistics.trackers.len());
+        let counts = statistics.sequence_counts();
+        assert_eq!((counts.received, counts.lost), (6000, 0));
+        assert_eq!(statistics.trackers[&1].counts().received, 3000, "the one that goes on is followed");
     }
 }

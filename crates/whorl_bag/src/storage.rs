@@ -42,7 +42,8 @@ pub(crate) struct Reserve {
 }
 
 impl Reserve {
-    const BYTES: usize = 4 << 20;
+    /// Its size.
+    pub const BYTES: usize = 4 << 20;
     /// Name of the file in the bag's directory.
     pub const FILE: &str = ".reserve";
 

@@ -8,7 +8,7 @@ use clap::Args;
 use nalgebra::Vector3;
 use serde_json::json;
 use whorl_devices::checkout::{Finding, Part, Trial, judge};
-use whorl_dynamics::PlatformModel;
+use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_launch::{Backend, DriverSource, Programs, Setup, Supervisor};
 use whorl_msgs::sensor_msgs::Imu;
 use whorl_msgs::std_msgs::Header;
@@ -51,8 +51,10 @@ const STARTUP: Duration = Duration::from_secs(20);
 /// not believed.
 const SHORTEST: f64 = 0.5;
 const LONGEST: f64 = 4.0;
-/// A part that seems wrong is tried so often in all.
+/// A part that seems wrong, or whose size is not known, is tried so often in all.
 const ATTEMPTS: usize = 6;
+/// A size that is known to this standard deviation is known: less than the priors usually leave open.
+const SURE: f64 = 0.05;
 /// Samples that are so many times as far apart as usual were read late.
 const GAP: f64 = 3.0;
 /// Samples may come so late.
@@ -88,7 +90,7 @@ fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
     let mut setup = Setup::new(options)?;
     let (domain, programs) = (this_domain()?, Programs::beside_this_one()?);
     use_emulators(&mut setup, &domain);
-    let model = model(&setup, platform)?;
+    let (model, prior) = model(&setup, platform)?;
     let driver = setup.platform(platform).into_iter().find(|process| process.node == Node::Driver);
     let driver = driver.context("a platform has a driver")?;
     let _lease = domain.share(platform)?;
@@ -103,7 +105,7 @@ fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
             }
             arm::set(std::slice::from_ref(platform), true)?;
         }
-        bench.check(&model)
+        bench.check(&model, &prior)
     });
     let all_well = stop(&mut supervisor);
     let parts = result?;
@@ -115,7 +117,7 @@ fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
     say!(
         "{}",
         match wrong {
-            0 => format!("{platform}: every actuator does what the model says"),
+            0 => format!("{platform}: every actuator does what the model says, within its priors"),
             1 => format!("{platform}: one actuator does not do what the model says"),
             _ => format!("{platform}: {wrong} actuators do not do what the model says"),
         }
@@ -123,10 +125,13 @@ fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
     Ok(u8::from(wrong > 0 || !all_well))
 }
 
-fn model(setup: &Setup, platform: &str) -> anyhow::Result<PlatformModel> {
+fn model(setup: &Setup, platform: &str) -> anyhow::Result<(PlatformModel, ModelPrior)> {
     let tree = ParameterTree::load(&setup.driver_files(platform), &[])?;
     let own = tree.for_node(&format!("/{platform}/driver"));
-    Ok(whorl_params::try_read(&own, whorl_driver::parameters::read)?.0.model)
+    let model = whorl_params::try_read(&own, whorl_driver::parameters::read)?.0.model;
+    let known = whorl_params::read_shared(&own, whorl_params::platform_model_with_prior)?;
+    let prior = known.map_or_else(|| ModelPrior::typical(&model), |(_, known)| known.prior);
+    Ok((model, prior))
 }
 
 /// A driver, its sensors and its actuators.
@@ -325,6 +330,8 @@ impl<'a> Bench<'a> {
         model: &PlatformModel,
     ) -> anyhow::Result<Tried> {
         let (no_jets, no_wheels) = (vec![0.0; model.jets().len()], vec![0.0; model.wheels().len()]);
+        // Nothing of what brought it back may be in the first mean.
+        self.command(SETTLES_S + WINDOW_S, &no_jets, |_| no_wheels.clone())?;
         // A pendulum turns by itself: it goes on as it did in as long before.
         let earlier = self.rate()?;
         self.command(length_s + SETTLES_S + WINDOW_S, &no_jets, |_| no_wheels.clone())?;
@@ -363,7 +370,7 @@ impl<'a> Bench<'a> {
     }
 
     /// Works every part; what each does.
-    fn check(&mut self, model: &PlatformModel) -> anyhow::Result<Vec<Checked>> {
+    fn check(&mut self, model: &PlatformModel, prior: &ModelPrior) -> anyhow::Result<Vec<Checked>> {
         let (no_jets, no_wheels) = (vec![0.0; model.jets().len()], vec![0.0; model.wheels().len()]);
         let mut checked = Vec::new();
         // How each wheel answers to its torque: 1 as it should, -1 the other way, 0 not so that one could use it.
@@ -379,7 +386,7 @@ impl<'a> Bench<'a> {
                     (model.gyros().get(index).map_or(0.0, |g| g.max_rate_rad_s * GIMBAL_SHARE), GIMBAL_S)
                 }
             };
-            let (finding, settled) = self.find(part, command, length_s, &answers, model)?;
+            let (finding, settled) = self.find(part, command, length_s, &answers, (model, prior))?;
             let (name, is_right) = (part.name(model), finding.is_right());
             let mut said = finding.words(part, model);
             if !settled {
@@ -393,7 +400,15 @@ impl<'a> Bench<'a> {
             } else {
                 tell(line)
             }
-            checked.push(Checked { part: name.to_owned(), is_right, said });
+            let size = finding.size();
+            checked.push(Checked {
+                part: name.to_owned(),
+                is_right,
+                said,
+                size: size.map(|found| found.size),
+                stddev: size.map(|found| found.stddev),
+                tolerance: size.map(|found| found.tolerance),
+            });
             if let Part::Wheel(index) = part {
                 answers.iter_mut().skip(index).take(1).for_each(|slot| *slot = finding.answer());
             }
@@ -401,7 +416,7 @@ impl<'a> Bench<'a> {
         Ok(checked)
     }
 
-    /// What is found of a part, and whether that is sure: that it is right where one attempt finds it so, wrong where two find the same
+    /// What is found of a part, and whether that is sure: that its size is known from the mean of attempts, or two find the same
     /// wrong, as a busy computer, or somebody who touches the platform, spoils one.
     fn find(
         &mut self,
@@ -409,21 +424,32 @@ impl<'a> Bench<'a> {
         command: f64,
         length_s: f64,
         answers: &[f64],
-        model: &PlatformModel,
+        (model, prior): (&PlatformModel, &ModelPrior),
     ) -> anyhow::Result<(Finding, bool)> {
-        let mut found: Vec<Finding> = Vec::new();
+        let (mut found, mut alike): (Vec<Finding>, Vec<Trial>) = (Vec::new(), Vec::new());
         let mut attempt = 0;
         loop {
             attempt += 1;
             let Tried { trial, is_good } = self.try_once(part, command, length_s, model)?;
-            let finding = judge(model, &trial).context("the model has this part")?;
+            let alone = judge(model, prior, &trial).context("the model has this part")?;
             self.bring_back(part, command, answers, model)?;
-            let same = |other: &Finding| std::mem::discriminant(other) == std::mem::discriminant(&finding);
-            let settled = is_good && (finding.is_right() || found.iter().any(same));
-            if settled || attempt == ATTEMPTS {
-                return Ok((finding, settled));
+            if is_good && let Some(of_one) = alone.size() {
+                // In the right direction: its size is the mean of all that were.
+                alike.push(trial);
+                let mean = Trial::mean(&alike).context("one at least")?;
+                let finding = judge(model, prior, &mean).context("the model has this part")?;
+                let known = finding.size().is_some_and(|size| size.stddev <= SURE);
+                if known && (finding.is_right() || alike.len() > 1) || attempt == ATTEMPTS {
+                    return Ok((finding, alike.len() > 1 || of_one.stddev <= SURE));
+                }
+                continue;
             }
-            found.extend(is_good.then_some(finding));
+            let same = |other: &Finding| std::mem::discriminant(other) == std::mem::discriminant(&alone);
+            let settled = is_good && found.iter().any(same);
+            if settled || attempt == ATTEMPTS {
+                return Ok((alone, settled));
+            }
+            found.extend(is_good.then_some(alone));
         }
     }
 

@@ -6,6 +6,11 @@ use clap::Command;
 const EXAMPLES: &[(&str, &str)] = &[
     ("init", "whorl init laboratory   writes laboratory/params"),
     (
+        "new",
+        "whorl new swing.csv   writes swing.yaml and swing.channels.yaml, and asks what the file does not show
+whorl new my_bag --out rigs --no-questions --json -",
+    ),
+    (
         "run",
         "whorl run leader_follower   two platforms, two minutes
 whorl run leader_follower_short --live   shown in a browser meanwhile

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use whorl_commands::history::{HEADINGS, as_json, began_s, rows, sentences, trends_as_json, write_table};
 use whorl_commands::options;
 use whorl_explain::trends::{DatedRun, trends};
@@ -13,7 +13,7 @@ use whorl_recording::read_model;
 
 use crate::output::{JsonArgument, say};
 use crate::progress;
-use crate::runs::{RunArguments, RunContext, write};
+use crate::runs::{RunArguments, RunContext, link_pages_beside, write};
 use crate::table::print;
 
 #[derive(Debug, clap::Args)]
@@ -47,6 +47,7 @@ pub struct Arguments {
 /// Carries out `whorl history`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if let [_, _, ..] = arguments.sources.as_slice() {
+        refuse_models(&arguments.sources)?;
         return over_runs(arguments);
     }
     let source = arguments.sources.first().context("no model and no run was given")?;
@@ -67,6 +68,20 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         say!("  {source}: {}", keys.join(", "));
     }
     Ok(())
+}
+
+/// A parameter file among several sources is no run.
+fn refuse_models(sources: &[PathBuf]) -> anyhow::Result<()> {
+    let is_model = |path: &&PathBuf| path.extension().is_some_and(|end| end == "yaml" || end == "yml");
+    let Some(model) = sources.iter().find(is_model) else { return Ok(()) };
+    let runs: Vec<String> =
+        sources.iter().filter(|path| !is_model(path)).map(|path| path.display().to_string()).collect();
+    let runs = if runs.is_empty() { "RUN RUN".to_owned() } else { runs.join(" ") };
+    let model = model.display();
+    bail!(
+        "{model} is a platform's file and no run: `whorl history {model}` tells how this model came to be, `whorl history {runs} --model \
+         {model}` what changed from run to run"
+    )
 }
 
 fn over_runs(arguments: &Arguments) -> anyhow::Result<()> {
@@ -109,6 +124,7 @@ fn over_runs(arguments: &Arguments) -> anyhow::Result<()> {
         if first.is_dir() { first.join("history.html") } else { first.with_file_name("history.html") }
     });
     write(&page, &whorl_report::trends_html(&found, &answer, &HEADINGS, &rows, &read.facts))?;
+    link_pages_beside(&page)?;
     for sentence in &answer {
         say!("{sentence}");
     }

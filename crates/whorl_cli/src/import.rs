@@ -1,6 +1,5 @@
 //! `whorl import`: measurements of other systems as run directories.
 
-use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -169,7 +168,7 @@ fn answer(
 
 fn sha256(path: &Path) -> anyhow::Result<String> {
     let unreadable = || format!("cannot read {}", path.display());
-    let mut file = File::open(path).with_context(unreadable)?;
+    let mut file = whorl_params::open_file(path).with_context(unreadable)?;
     let (mut digest, mut part) = (Sha256::new(), vec![0; 1 << 16]);
     loop {
         match file.read(&mut part).with_context(unreadable)? {

@@ -108,7 +108,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         }
         let mut found = |run: &Path| match row(run) {
             Ok(row) => rows.push(row),
-            Err(error) => unreadable.push(format!("{}: {error:#}", run.display())),
+            Err(error) => unreadable.push(format!("{}: {}", run.display(), whorl_commands::in_words(&error))),
         };
         find(folder, DEPTH, &mut found, &mut |campaign| campaigns.push(campaign.to_owned()));
     }

@@ -35,6 +35,7 @@ mod init;
 mod live;
 mod model_file;
 mod monitor;
+mod new;
 mod next;
 mod nodes;
 mod orbit;
@@ -72,6 +73,9 @@ struct Arguments {
 enum Command {
     /// Writes the parameter files (platforms, experiments, campaigns) that the other commands start from; a checkout has them.
     Init(init::Arguments),
+    /// Looks at a CSV file or a bag and writes the platform's file and the map of channels that the other commands need; each
+    /// line says where its number is from.
+    New(new::Arguments),
     /// Runs an experiment over DDS on this machine, from start to report, with a process for every node.
     Run(run::Arguments),
     /// Starts and stops single parts on this machine: the nodes of a platform, the coordinator, the recorder.
@@ -218,6 +222,7 @@ fn carried_out(command: Command) -> ExitCode {
         Command::Nodes(command) => return nodes::run(&command),
         Command::Demo(command) => return demo::run(&command),
         Command::Init(arguments) => init::run(&arguments),
+        Command::New(arguments) => new::run(&arguments),
         Command::Arm(arguments) => arm::run(&arguments, true),
         Command::Disarm(arguments) => arm::run(&arguments, false),
         Command::Simulate(arguments) => simulate::run(&arguments),
@@ -259,7 +264,7 @@ fn carried_out(command: Command) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            eprintln!("error: {}", whorl_commands::in_words(&error));
             ExitCode::FAILURE
         }
     }

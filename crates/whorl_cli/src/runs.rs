@@ -6,7 +6,7 @@ use crate::output::JsonArgument;
 
 use whorl_objects::is_remote;
 
-pub use whorl_commands::runs::{RunSources, Runs, write};
+pub use whorl_commands::runs::{RunSources, Runs, link_pages_beside, write};
 
 /// Runs, with the options for reading and testing them.
 #[derive(Debug, Clone, clap::Args)]
@@ -78,6 +78,7 @@ impl OutputArguments {
         };
         let path = self.html.clone().unwrap_or_else(beside);
         write(&path, html)?;
+        link_pages_beside(&path)?;
         Ok(path)
     }
 }

@@ -271,3 +271,54 @@ fn effects_are_read_from_files() {
     let text = String::from_utf8_lossy(&refused.stderr);
     assert!(text.contains("known_push.yaml:3: equation") && text.contains("not a torque (N m)"), "{text}");
 }
+
+/// A pendulum in a file of somebody: two commands to a first comparison, without a question.
+#[test]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+fn a_file_of_somebody_is_compared_after_two_commands() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let mut text = "t,gz,ax,ay,az\n".to_owned();
+    let (omega, mut seed) = (9.4_f64, 1_u32);
+    let mut noise = || {
+        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        0.02 * (f64::from(seed) / f64::from(u32::MAX) - 0.5)
+    };
+    for k in 0..2000 {
+        let t = f64::from(k) * 0.01;
+        let (angle, rate) = (0.1 * (omega * t).cos(), -0.1 * omega * (omega * t).sin());
+        let force = [9.81 * angle.cos(), -9.81 * angle.sin(), 0.0].map(|f| f + 3.0 * noise());
+        text += &format!("{t:.2},{:.5},{:.4},{:.4},{:.4}\n", rate + noise(), force[0], force[1], force[2]);
+    }
+    std::fs::write(at("swing.csv"), text).unwrap();
+    let made = whorl(&["new", &at("swing.csv"), "--out", &at("rigs"), "--json", "-"]);
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let answer: serde_json::Value = serde_json::from_slice(&made.stdout).unwrap();
+    assert_eq!(answer["to_be_mended"], serde_json::json!([]));
+    let (map, model) = (at("rigs/swing.channels.yaml"), at("rigs/swing.yaml"));
+    let compared = whorl(&[
+        "compare",
+        &at("swing.csv"),
+        "--channels",
+        &map,
+        "--model",
+        &model,
+        "--html",
+        &at("page.html"),
+    ]);
+    let said = String::from_utf8_lossy(&compared.stdout);
+    assert!(compared.status.success() && said.contains("swing.csv: the model"), "{said}");
+    // What is there is somebody's.
+    let again = refused(&["new", &at("swing.csv"), "--out", &at("rigs")]);
+    assert!(again[0].contains("is there already"), "{again:?}");
+}
+
+#[test]
+fn a_model_among_runs_is_said_to_be_one() {
+    let lines = refused(&["history", &params("whorl_1.yaml"), "runs/a"]);
+    let [line] = lines.as_slice() else { panic!("{lines:?}") };
+    assert!(
+        line.contains("is a platform's file and no run") && line.contains("whorl history runs/a --model"),
+        "{line}"
+    );
+}

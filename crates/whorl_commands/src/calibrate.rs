@@ -119,6 +119,7 @@ pub fn changes(found: &ImuCalibration) -> Vec<Change> {
             (format!("bias_{suffix}"), sensor.bias),
             ("scale".to_owned(), sensor.scale),
             ("misalignment_rad".to_owned(), sensor.misalignment_rad),
+            ("skew_rad".to_owned(), sensor.skew_rad),
             (format!("noise_stddev_{suffix}"), sample),
             (format!("bias_walk_{suffix}_sqrt_s"), walk(sensor)),
         ];

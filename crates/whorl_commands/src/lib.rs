@@ -5,6 +5,7 @@
 //! | module | what |
 //! |---|---|
 //! | [`runs`] | runs and their model, from files |
+//! | [`new_rig`] | the platform's file and the map of channels of a file that comes with neither |
 //! | [`compare`], [`locate`], [`diagnose`], [`adopt`] | answers of [`whorl_explain`] as JSON |
 //! | [`next`] | the manoeuvre that a diagnosis recommends, rehearsed in simulation |
 //! | [`discover`] | whether a law is to be searched for, with which competitors, and the answer in words |
@@ -29,6 +30,7 @@ pub mod history;
 pub mod identify;
 pub mod locate;
 pub mod model_file;
+pub mod new_rig;
 pub mod next;
 pub mod own_times;
 pub mod provenance;
@@ -38,8 +40,10 @@ pub mod runs;
 pub mod shapes;
 pub mod simulate;
 pub mod tables;
+mod words;
 
 use whorl_diagnosis::Options;
+pub use words::in_words;
 
 /// Default options of the search for effects, on all processors.
 #[must_use]

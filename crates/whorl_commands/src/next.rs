@@ -51,7 +51,7 @@ pub fn proposal(
     let truth = leading_explanation(&case, diagnosis, options);
     let stage = Stage::new(known, common, &truth)?;
     let rehearse = |name: &str, yaml: &str| {
-        stage.rehearse(name, yaml, &known.model).map_err(|error| format!("{error:#}"))
+        stage.rehearse(name, yaml, &known.model).map_err(|error| crate::in_words(&error))
     };
     Ok(propose(&case, &known.platform, diagnosis, options, &rehearse, say)?)
 }

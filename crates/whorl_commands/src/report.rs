@@ -101,6 +101,7 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
     );
     std::fs::write(&page, whorl_report::html(&data, &summary, &verdict, &description))
         .with_context(|| format!("cannot write {}", page.display()))?;
+    crate::runs::link_pages_beside(&page)?;
     if let serde_json::Value::Object(mut entries) = serde_json::to_value(&summary)? {
         entries.insert("verdict".to_owned(), serde_json::to_value(&verdict)?);
         run.update_summary(&entries)?;
@@ -143,7 +144,7 @@ fn circumstances(
 /// The parameters of the run; one without any, such as an imported one, has none.
 #[must_use]
 pub fn effective_parameters(path: &Path) -> Option<ParameterTree> {
-    let text = std::fs::read_to_string(path.join("params/effective.yaml")).ok()?;
+    let text = whorl_params::read_text(&path.join("params/effective.yaml")).ok()?;
     ParameterTree::from_texts(&[("effective.yaml", text.as_str())], &[]).ok()
 }
 

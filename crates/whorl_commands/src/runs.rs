@@ -97,16 +97,19 @@ impl RunSources {
     ) -> anyhow::Result<T> {
         let copies = paths.iter().map(|path| local(path)).collect::<Result<Vec<_>, _>>()?;
         read(copies.iter().map(|copy| copy.path().to_owned()).collect()).map_err(|error| {
-            anyhow::Error::msg(copies.iter().fold(format!("{error:#}"), |text, copy| copy.told(&text)))
+            anyhow::Error::msg(copies.iter().fold(crate::in_words(&error), |text, copy| copy.told(&text)))
         })
     }
 
     fn read_here(&self) -> anyhow::Result<Runs> {
-        let known = self.read_model()?;
+        let mut known = self.read_model()?;
         let read = |paths: &[PathBuf]| -> anyhow::Result<Vec<Recording>> {
             paths.iter().map(|path| self.recording(path, &known)).collect()
         };
         let (training, held_out) = (read(&self.runs)?, read(&self.held_out)?);
+        if let Some(first) = training.first() {
+            known.take_rates_of(first);
+        }
         let first = self.runs.first().map(PathBuf::as_path);
         let source = self.model.as_deref().or(first).unwrap_or(Path::new(""));
         Ok(Runs::new(known, training, held_out, &source.display().to_string()))
@@ -214,6 +217,15 @@ pub fn is_csv(path: &Path) -> bool {
 fn effects_of(known: &KnownPlatform) -> String {
     let ids: Vec<&str> = known.model.effects.keys().map(String::as_str).collect();
     if ids.is_empty() { "none".to_owned() } else { ids.join(", ") }
+}
+
+/// Links the pages of a run that stand beside this one.
+///
+/// # Errors
+/// When one cannot be written.
+pub fn link_pages_beside(page: &Path) -> anyhow::Result<()> {
+    let folder = page.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    whorl_report::link_pages(folder).with_context(|| format!("cannot link the pages in {}", folder.display()))
 }
 
 /// Writes a file.

@@ -14,7 +14,7 @@ use crate::refit::{Entered, Fit, Refit};
 use crate::search::Search;
 use crate::search::prospect::make_columns_for;
 use crate::search::step::{base_point_with, point_of};
-use crate::{DiagnosisError, Options, low_pass, prepare};
+use crate::{DiagnosisError, Options, delaying, prepare};
 
 /// Refits the platform's own parameters together with `effects` (ids of the catalogue, empty to refit the
 /// base only) to the recordings.
@@ -53,8 +53,10 @@ impl<'a> Fitter<'a> {
         prior: &ModelPrior,
         options: &'a Options,
     ) -> Result<Self, DiagnosisError> {
+        let model = options.delaying.as_ref().unwrap_or(model);
         let (mut problem, _) = prepare(training, &[], model, prior, options, None, &mut |_| {})?;
-        if let Some(delaying) = low_pass(&problem, training, options)? {
+        let delaying = delaying(&problem, training, options)?;
+        if delaying != *model {
             problem = prepare(training, &[], &delaying, prior, options, None, &mut |_| {})?.0;
         }
         Ok(Self { training, options, problem, smoothed: OnceCell::new(), base: OnceCell::new() })

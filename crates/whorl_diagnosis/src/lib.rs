@@ -64,6 +64,8 @@ pub fn diagnose(
     options: &Options,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Diagnosis, DiagnosisError> {
+    let stated = model;
+    let model = options.delaying.as_ref().unwrap_or(stated);
     let (mut problem, mut held) = prepare(training, held_out, model, prior, options, None, progress)?;
     if let Some(run) = problem.runs.iter().find(|run| run.is_blind()) {
         let mut diagnosis = Diagnosis::not_enough_information();
@@ -75,11 +77,11 @@ pub fn diagnose(
         return Ok(diagnosis);
     }
     progress(Progress { share: 0.0, doing: "comparing what the sensors' low-pass may be" });
-    let delaying = low_pass(&problem, training, options)?;
-    let (stated, model) = (model, delaying.as_ref().unwrap_or(model));
-    if delaying.is_some() {
-        (problem, held) = prepare(training, held_out, model, prior, options, None, progress)?;
+    let delaying = delaying(&problem, training, options)?;
+    if delaying != *model {
+        (problem, held) = prepare(training, held_out, &delaying, prior, options, None, progress)?;
     }
+    let model = &delaying;
     let noted = |mut diagnosis: Diagnosis| {
         diagnosis.remarks.extend(low_pass::remarks(stated, model));
         diagnosis
@@ -139,14 +141,35 @@ fn answer(
     Ok(diagnosis)
 }
 
-/// The model without those low-passes of inertial sensors that do not delay as stated; `None` if all do.
-fn low_pass(
+/// The model without those low-passes of its inertial sensors that do not delay as stated. Whoever diagnoses and fits the same recordings finds
+/// it once, for [`Options::delaying`].
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn with_low_passes_that_delay(
+    training: &[Recording],
+    model: &PlatformModel,
+    prior: &ModelPrior,
+    options: &Options,
+) -> Result<PlatformModel, DiagnosisError> {
+    let (problem, _) = prepare(training, &[], model, prior, options, None, &mut |_| {})?;
+    delaying(&problem, training, options)
+}
+
+fn delaying(
     problem: &evidence::problem::Problem,
     training: &[Recording],
     options: &Options,
-) -> Result<Option<PlatformModel>, DiagnosisError> {
-    let available = parameters::available::Available::of(&problem.runs);
-    low_pass::without_those_that_do_not_delay(&problem.reference, &available, training, options.threads)
+) -> Result<PlatformModel, DiagnosisError> {
+    let stated = &problem.reference.model;
+    match &options.delaying {
+        Some(known) => Ok(known.clone()),
+        None if problem.runs.iter().any(layout::run::Run::is_blind) => Ok(stated.clone()),
+        None => {
+            let found = low_pass::without_those_that_do_not_delay(problem, training, options.threads)?;
+            Ok(found.unwrap_or_else(|| stated.clone()))
+        }
+    }
 }
 
 /// Checks the inputs and divides the recordings into bins. `late_s` is the latency of the inertial units' stamps, if it

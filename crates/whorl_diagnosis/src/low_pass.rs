@@ -10,9 +10,11 @@ use whorl_prediction::{Fitted, Settings};
 use whorl_recording::Recording;
 
 use crate::DiagnosisError;
+use crate::evidence::problem::Problem;
 use crate::parameters::Reference;
 use crate::parameters::available::Available;
 use crate::refit::Refit;
+use crate::search::step::base_point_with;
 
 /// From so much of the beginning of each recording it is told \[s\]: a delay that matters for the rest shows in it.
 const LONGEST_S: f64 = 60.0;
@@ -23,11 +25,11 @@ const STANDS_NATS: f64 = 1.0;
 
 /// The model with those low-passes of its inertial sensors that delay; `None` if all of those stated do.
 pub(crate) fn without_those_that_do_not_delay(
-    reference: &Reference,
-    available: &Available,
+    problem: &Problem,
     training: &[Recording],
     threads: usize,
 ) -> Result<Option<PlatformModel>, DiagnosisError> {
+    let (reference, available) = (&problem.reference, &Available::of(&problem.runs));
     let stated = |model: &PlatformModel| delays(model).map(|delay_s| delay_s > 0.0);
     let given = stated(&reference.model);
     if !available.body || given == [false; 2] {
@@ -35,13 +37,18 @@ pub(crate) fn without_those_that_do_not_delay(
     }
     let parts: Vec<Recording> = training.iter().map(first_part).collect();
     let settings = Settings { threads, fit_stands_nats: STANDS_NATS, ..Settings::default() };
-    let fitted = |reference: &Reference, start: Option<&[f64]>| -> Result<Option<Fitted>, DiagnosisError> {
-        let refit = Refit::own(reference, available);
-        let as_given = vec![0.0; refit.columns.len()];
-        let start = start.map_or(as_given, <[f64]>::to_vec);
-        DiagnosisError::possible(refit.likeliest(&parts, &[start], &settings))
+    let fitted = |reference: &Reference, start: &[f64]| -> Result<Option<Fitted>, DiagnosisError> {
+        DiagnosisError::possible(Refit::own(reference, available).likeliest(
+            &parts,
+            &[start.to_vec()],
+            &settings,
+        ))
     };
-    let Some(as_stated) = fitted(reference, None)? else { return Ok(None) };
+    // Near the end already, if the motion can be smoothed.
+    let refit = Refit::own(reference, available);
+    let smoothed = DiagnosisError::possible(base_point_with(&mut problem.clone(), &mut None))?;
+    let start = smoothed.map_or_else(|| vec![0.0; refit.columns.len()], |point| refit.units_of(&point));
+    let Some(as_stated) = fitted(reference, &start)? else { return Ok(None) };
     let (mut best, mut most) = (None, as_stated.log_posterior + DOUBT_NATS);
     for kept in [[false, false], [true, false], [false, true]] {
         // Each that is stated, and all of them.
@@ -57,7 +64,7 @@ pub(crate) fn without_those_that_do_not_delay(
             .zip(kept)
             .filter(|(_, kept)| !kept)
             .for_each(|(errors, _)| errors.time_constant_s = 0.0);
-        let Some(found) = fitted(&other, Some(&as_stated.at))? else { continue };
+        let Some(found) = fitted(&other, &as_stated.at)? else { continue };
         if found.log_posterior > most {
             (best, most) = (Some(other.model), found.log_posterior);
         }

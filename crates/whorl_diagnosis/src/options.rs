@@ -1,5 +1,7 @@
 //! Options of a diagnosis.
 
+use whorl_dynamics::PlatformModel;
+
 /// Options of a diagnosis; [`Options::default`] suits most cases.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
@@ -9,11 +11,14 @@ pub struct Options {
     pub threads: usize,
     /// Largest number of effects that are named together.
     pub largest_set: usize,
+    /// The model with those low-passes of its inertial sensors that the samples show to delay, where it is known: see
+    /// [`crate::with_low_passes_that_delay`]. `None`: it is found, which takes as long as a fit.
+    pub delaying: Option<PlatformModel>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { exclude: Vec::new(), threads: 2, largest_set: 3 }
+        Self { exclude: Vec::new(), threads: 2, largest_set: 3, delaying: None }
     }
 }
 

@@ -10,7 +10,7 @@ use crate::supervision::{
 };
 use nalgebra::{Matrix6, UnitQuaternion, Vector3};
 use thiserror::Error;
-use whorl_free_motion::Clipping;
+use whorl_free_motion::{Clipping, Contradiction};
 use whorl_math::rotation_vector;
 
 /// Wheel speeds older than this are not used \[s\].
@@ -196,7 +196,7 @@ impl<K: Kernel> Estimator<K> {
             self.update = kernel.correct_direction(&vertical.seen(Vector3::z_axis()));
         }
         self.use_vector(used.vector);
-        if outcome.event == Some(FilterEvent::HeadingForgotten) {
+        if matches!(outcome.event, Some(FilterEvent::HeadingForgotten | FilterEvent::VectorContradicted)) {
             self.kernel = None;
         }
         self.supervise();
@@ -218,7 +218,7 @@ impl<K: Kernel> Estimator<K> {
             return (outcome, event);
         }
         self.use_vector(used);
-        if event == Some(FilterEvent::HeadingForgotten) {
+        if matches!(event, Some(FilterEvent::HeadingForgotten | FilterEvent::VectorContradicted)) {
             self.kernel = None;
         }
         (outcome, event)
@@ -243,6 +243,12 @@ impl<K: Kernel> Estimator<K> {
     #[must_use]
     pub fn clipping(&self) -> &Clipping {
         self.supervisor.clipping()
+    }
+
+    /// What turns against the gyro and is not used: accelerometer, vector sensor.
+    #[must_use]
+    pub fn contradictions(&self) -> &[Option<Contradiction>; 2] {
+        self.supervisor.contradictions()
     }
 
     /// Refused samples of gyro, accelerometer and vector sensor since the start.
@@ -295,7 +301,12 @@ impl<K: Kernel> Estimator<K> {
         let broken = |outcome: &SampleOutcome| {
             matches!(
                 outcome.rejection(),
-                Some(Rejection::NotFinite | Rejection::OutOfRange | Rejection::Frozen)
+                Some(
+                    Rejection::NotFinite
+                        | Rejection::OutOfRange
+                        | Rejection::Frozen
+                        | Rejection::Contradicted
+                )
             )
         };
         if broken(&outcome.accelerometer) {

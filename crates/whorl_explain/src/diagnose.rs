@@ -38,7 +38,10 @@ pub struct UnexplainedTorque {
 /// When the recordings cannot be explained at all.
 pub fn diagnose(case: &Case<'_>, options: &Options, say: &mut Say<'_>) -> Result<Explanation, ExplainError> {
     let Case { training, held_out, model, prior } = *case;
-    let mut search = part(say, 0.0, 0.7);
+    say(0.0, "comparing what the sensors' low-pass may be");
+    let delaying = whorl_diagnosis::with_low_passes_that_delay(training, model, prior, options)?;
+    let options = &Options { delaying: Some(delaying), ..options.clone() };
+    let mut search = part(say, 0.1, 0.7);
     let mut progress = |p: Progress| search(p.share, p.doing);
     let diagnosis = whorl_diagnosis::diagnose(training, held_out, model, prior, options, &mut progress)?;
     drop(search);

@@ -1,5 +1,6 @@
 //! In which regime a model fails.
 
+use rayon::prelude::*;
 use whorl_diagnosis::{Fit, Options, fit};
 use whorl_dynamics::PlatformModel;
 use whorl_recording::Recording;
@@ -47,11 +48,16 @@ pub fn locate(case: &Case<'_>, options: &Options, say: &mut Say<'_>) -> Result<L
         Err(reason) => (case.model.clone(), Some(reason)),
     };
     let all: Vec<&Recording> = case.training.iter().chain(case.held_out).collect();
-    let mut followed = Vec::new();
-    for (k, run) in all.iter().enumerate() {
-        say(0.5 + 0.4 * k as f64 / all.len() as f64, &format!("following {}", run.name));
-        followed.push(Followed::new(run, &model)?);
-    }
+    say(
+        0.5,
+        &if let [run] = all[..] {
+            format!("following {}", run.name)
+        } else {
+            format!("following {} runs", all.len())
+        },
+    );
+    let followed: Vec<_> = all.par_iter().map(|run| Followed::new(run, &model)).collect();
+    let followed: Vec<Followed> = followed.into_iter().collect::<Result<_, _>>()?;
     say(0.9, "analysing the runs");
     let pooled = explain_where(&followed.iter().collect::<Vec<_>>(), &model)?;
     let mut runs = Vec::new();

@@ -22,16 +22,22 @@ const NICE: i32 = -10;
 const NODES_END: Duration = Duration::from_secs(3);
 /// The same for the recorder, which closes its files.
 const RECORDER_ENDS: Duration = Duration::from_secs(5);
-/// A process that ended by a signal or a panic is started again so often within [`RESTARTS_WITHIN`], and no more: then it is
-/// not bad luck.
+/// A process that ended by a signal or a panic is started again at once so often within [`RESTARTS_WITHIN`]. Then it is not bad
+/// luck, but perhaps somebody's doing: every further start waits twice as long, and nobody can end a run by giving it reasons.
 const RESTARTS: usize = 5;
-const RESTARTS_WITHIN: Duration = Duration::from_secs(60);
+const RESTARTS_WITHIN: Duration = Duration::from_secs(300);
+const FIRST_WAIT: Duration = Duration::from_secs(5);
+const LONGEST_WAIT: Duration = Duration::from_secs(60);
 /// Exit code of a Rust program that panicked.
 const PANICKED: i32 = 101;
 /// Number of log lines shown for a failed process.
 const LAST_LINES: usize = 20;
 
-/// Processes that were started here. They end when this is dropped.
+/// In the environment of a node: it ends when its standard input does, which is the launcher's end (`whorl_ros` reads it). The
+/// kernel's own signal for that (`PR_SET_PDEATHSIG`) comes when the *thread* ends that started the process.
+const ENDS_WITH_INPUT: &str = "WHORL_ENDS_WITH_INPUT";
+
+/// Processes that were started here. They end when this is dropped, and when this process is killed.
 #[derive(Debug)]
 pub struct Supervisor {
     children: Vec<Running>,
@@ -52,6 +58,8 @@ struct Running {
     ended: bool,
     /// Whether it was asked to end.
     asked: bool,
+    /// When it is started again.
+    again_at: Option<Instant>,
 }
 
 /// A process that has ended by itself.
@@ -125,27 +133,67 @@ impl Supervisor {
         let command = command(&program, &arguments, &self.environment, file, &log)?;
         let child = spawn(command, self.real_time.as_ref(), node, &program)?;
         self.domain.remember(&label, child.id());
-        let running = Running { label, node, program, arguments, child, log, ended: false, asked: false };
+        let running = Running {
+            label,
+            node,
+            program,
+            arguments,
+            child,
+            log,
+            ended: false,
+            asked: false,
+            again_at: None,
+        };
         self.children.push(running);
         Ok(())
     }
 
-    /// Starts a process again that has ended by accident; its log goes on in the same file. False when it has ended too often
-    /// in a short time. A recorder goes on in a directory of its own, whose name ends with a number: a bag that was not
-    /// closed is not written to again.
+    /// Starts a process again that has ended by accident, at once or, when it has ended often, after the time that is returned
+    /// ([`Self::start_due`]); `None` when there is no such process, or it runs. Its log goes on in the same file. A recorder goes
+    /// on in a directory of its own, whose name ends with a number: a bag that was not closed is not written to again.
     ///
     /// # Errors
     /// When the program, or the log, cannot be opened.
-    pub fn restart(&mut self, label: &str) -> Result<bool, LaunchError> {
+    pub fn restart(&mut self, label: &str) -> Result<Option<Duration>, LaunchError> {
         self.restarts.retain(|(_, at)| at.elapsed() < RESTARTS_WITHIN);
         let often = self.restarts.iter().filter(|(of, _)| of == label).count();
         let Some(running) = self.children.iter_mut().find(|r| r.label == label && r.ended) else {
-            return Ok(false);
+            return Ok(None);
         };
-        if often >= RESTARTS {
-            return Ok(false);
-        }
         self.restarts.push((label.to_owned(), Instant::now()));
+        let wait = match often.checked_sub(RESTARTS) {
+            None => Duration::ZERO,
+            Some(more) => LONGEST_WAIT.min(FIRST_WAIT * (1 << more.min(8))),
+        };
+        if wait > Duration::ZERO {
+            running.again_at = Some(Instant::now() + wait);
+        } else {
+            self.start_again(label)?;
+        }
+        Ok(Some(wait))
+    }
+
+    /// Starts those again whose time has come: their labels, and what went wrong.
+    pub fn start_due(&mut self) -> Vec<(String, Result<(), LaunchError>)> {
+        let now = Instant::now();
+        let due = self.children.iter_mut().filter(|r| r.again_at.is_some_and(|at| at <= now));
+        let due: Vec<String> = due
+            .map(|running| {
+                running.again_at = None;
+                running.label.clone()
+            })
+            .collect();
+        let start = |label: String| {
+            let started = self.start_again(&label);
+            (label, started)
+        };
+        due.into_iter().map(start).collect()
+    }
+
+    fn start_again(&mut self, label: &str) -> Result<(), LaunchError> {
+        let Some(running) = self.children.iter_mut().find(|r| r.label == label && r.ended) else {
+            return Ok(());
+        };
         if running.node == Node::Recorder {
             running.arguments.iter_mut().for_each(number_run_directory);
         }
@@ -159,7 +207,13 @@ impl Supervisor {
         running.child = spawn(command, self.real_time.as_ref(), running.node, &running.program)?;
         running.ended = false;
         self.domain.remember(label, running.child.id());
-        Ok(true)
+        Ok(())
+    }
+
+    /// Closes what the nodes read, as the kernel does when this process is killed.
+    #[cfg(test)]
+    pub(crate) fn let_go(&mut self) {
+        self.children.iter_mut().for_each(|running| drop(running.child.stdin.take()));
     }
 
     /// A process that has ended since the last call.
@@ -213,7 +267,9 @@ fn command(
 ) -> Result<Command, LaunchError> {
     let errors = log.try_clone().map_err(LaunchError::io("cannot write to", log_path))?;
     let mut command = Command::new(program);
-    command.args(arguments).envs(environment.iter().cloned()).stdin(Stdio::null()).stdout(log).stderr(errors);
+    command.args(arguments).envs(environment.iter().cloned()).stdout(log).stderr(errors);
+    // The kernel closes the other end when this process ends, however it does: the node then ends too.
+    command.stdin(Stdio::piped()).env(ENDS_WITH_INPUT, "1");
     // Ctrl-C goes to the terminal's process group, which holds only the supervisor: it ends the nodes in order.
     command.process_group(0);
     Ok(command)

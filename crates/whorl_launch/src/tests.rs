@@ -1,6 +1,6 @@
 use std::collections::BTreeMap;
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use whorl_node::Node;
@@ -134,7 +134,7 @@ fn a_domain_is_for_one_experiment_or_for_pieces_that_are_there_once() {
     assert!(text.contains("ROS domain 3") && text.contains("stop_all.sh"), "{text}");
     assert!(domain().share("whorl_1").unwrap_err().to_string().contains("an experiment"));
     // A program that inherits the lease and has nothing to do with it does not keep the domain.
-    let mut stranger = std::process::Command::new("sleep").arg("60").spawn().unwrap();
+    let mut stranger = Command::new("sleep").arg("60").spawn().unwrap();
     drop(experiment);
     let first = domain().share("whorl_1");
     stranger.kill().unwrap();
@@ -147,13 +147,16 @@ fn a_domain_is_for_one_experiment_or_for_pieces_that_are_there_once() {
     Domain::at(4, folder.path().join("other"), folder.path()).take().unwrap();
 }
 
-/// Programs that write down when they start and end.
+/// Programs that write down when they start and end. Another process makes them executable: a file that this process
+/// has written could still be open for writing in a child that another test has just forked ("text file busy").
 fn programs(folder: &Path, text: &str) -> Programs {
     for node in [Node::Driver, Node::Recorder] {
         let path = folder.join(node.name());
         let text = text.replace("NAME", node.name()).replace("FOLDER", &folder.display().to_string());
-        std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).unwrap();
-        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+        let script = path.with_extension("sh");
+        std::fs::write(&script, format!("#!/bin/sh\n{text}\n")).unwrap();
+        let copied = Command::new("install").args(["-m", "755"]).args([&script, &path]).status().unwrap();
+        assert!(copied.success());
     }
     Programs::in_folder(folder)
 }
@@ -225,7 +228,7 @@ fn a_process_that_fails_is_reported_once_with_its_last_words() {
 }
 
 #[test]
-fn a_process_that_ends_by_accident_is_started_again_but_not_for_ever() {
+fn a_process_that_ends_by_accident_is_started_again_and_then_waits() {
     let folder = tempfile::tempdir().unwrap();
     // As when the kernel refuses memory.
     let text = "[ NAME = driver ] && { echo up; kill -ABRT $$; }; exec sleep 60";
@@ -239,7 +242,9 @@ fn a_process_that_ends_by_accident_is_started_again_but_not_for_ever() {
         });
         let ended = ended.unwrap();
         assert!(ended.by_accident() && ended.label == "driver", "{ended:?}");
-        if !supervisor.restart("driver").unwrap() {
+        let wait = supervisor.restart("driver").unwrap().unwrap();
+        if wait > Duration::ZERO {
+            assert_eq!(wait, Duration::from_secs(5));
             break;
         }
         started_again += 1;
@@ -247,7 +252,16 @@ fn a_process_that_ends_by_accident_is_started_again_but_not_for_ever() {
     assert_eq!(started_again, 5);
     let log = std::fs::read_to_string(folder.path().join("logs/driver.log")).unwrap();
     assert_eq!(log.matches("up").count(), 6, "its log goes on: {log}");
-    assert!(!supervisor.restart("recorder").unwrap(), "it runs");
+    assert!(supervisor.restart("recorder").unwrap().is_none(), "it runs");
+    assert!(supervisor.start_due().is_empty(), "not yet");
+    let mut due = Vec::new();
+    wait_for("its time", || {
+        due = supervisor.start_due();
+        !due.is_empty()
+    });
+    assert!(due.len() == 1 && due[0].0 == "driver" && due[0].1.is_ok(), "{due:?}");
+    wait_for("its end", || supervisor.ended().is_some());
+    assert_eq!(supervisor.restart("driver").unwrap(), Some(Duration::from_secs(10)), "it is not given up");
 }
 
 #[test]
@@ -262,7 +276,7 @@ fn a_recorder_that_is_started_again_records_into_a_directory_of_its_own() {
     supervisor.start(&programs, process, &logs).unwrap();
     for _ in 0..2 {
         wait_for("its end", || supervisor.ended().is_some());
-        assert!(supervisor.restart("recorder").unwrap());
+        assert_eq!(supervisor.restart("recorder").unwrap(), Some(Duration::ZERO));
     }
     let log = || std::fs::read_to_string(logs.join("recorder.log")).unwrap();
     wait_for("the third", || log().lines().count() == 3);
@@ -282,6 +296,20 @@ fn a_process_that_says_at_its_end_that_it_failed_is_named() {
     let failed: Vec<_> =
         stopped.failed.iter().map(|ended| (ended.label.as_str(), ended.last_words())).collect();
     assert_eq!(failed, [("recorder", "up\nthe disk was full".to_owned())]);
+}
+
+/// A node is told of the launcher's end, however it ends, by the end of its standard input.
+#[test]
+fn a_node_reads_an_input_that_ends_with_the_launcher() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "trap '' TERM; echo $WHORL_ENDS_WITH_INPUT; cat; echo ended >>FOLDER/NAME.ended";
+    let mut supervisor = started(folder.path(), text);
+    let log = || std::fs::read_to_string(folder.path().join("logs/driver.log")).unwrap_or_default();
+    wait_for("the driver", || log() == "1\n");
+    assert!(supervisor.ended().is_none(), "it reads");
+    // As the kernel does for a process that is killed.
+    supervisor.let_go();
+    wait_for("its end", || folder.path().join("driver.ended").exists());
 }
 
 #[test]

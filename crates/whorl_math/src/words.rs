@@ -60,6 +60,18 @@ fn sharing_most<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Ve
     if best.len() <= MOST { best } else { Vec::new() }
 }
 
+/// A text in a message: its first `most` characters, and how many it has in all. What was read may be megabytes.
+#[must_use]
+pub fn shortened(text: &str, most: usize) -> std::borrow::Cow<'_, str> {
+    match text.char_indices().nth(most) {
+        None => text.into(),
+        Some((end, _)) => {
+            let (shown, all) = (text.get(..end).unwrap_or_default(), text.chars().count());
+            format!("{shown}... ({all} characters)").into()
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -92,5 +104,12 @@ mod tests {
             Some("did you mean bearing_viscous_friction or wheel_friction?")
         );
         assert_eq!(did_you_mean("jet_thrust", ["jet_a", "jet_b", "jet_c", "jet_d"]), None);
+    }
+
+    #[test]
+    fn long_texts_are_cut_between_characters() {
+        assert_eq!(shortened("abc", 3), "abc");
+        assert_eq!(shortened("äöüß", 2), "äö... (4 characters)");
+        assert!(shortened(&"ä".repeat(5_000_000), 40).len() < 120);
     }
 }

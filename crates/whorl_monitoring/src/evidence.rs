@@ -11,25 +11,36 @@
 //! exact for the linear filter, and with mean one while the model is right. So is any average of such ratios: over the
 //! sizes V, over the ways in which an effect enters, over effects. Their sum over starts is what is compared with the limit.
 //!
+//! No filter is tuned quite rightly: noise and background torque are stated as what they are at most, and where they are smaller
+//! innovations follow a little from what was corrected before. Such a fault never grows, but its evidence does, with time
+//! alone. So the model counts as right while every whitened reading is off by at most eps standard deviations, however
+//! chosen ([`Settings::systematic_sigma`]). A likelihood ratio exp(phi^T z - phi^T A phi / 2) then grows by
+//! exp(eps sum |X phi|) at most, and is divided by that: its mean is again at most one. For one column that takes
+//! eps sum |X| off |z|. For several the sum is taken as sqrt(n phi^T A phi), n = (sum |X_k|)^2 / A_kk being over how many readings the
+//! column that is spread most is spread: what is left of q = z^T V^1/2 (I + V^1/2 A V^1/2)^-1 V^1/2 z is (sqrt q - eps sqrt n)^2.
+//!
+//! What no rig can have (friction that drives, more than a tank holds) is no explanation: a ratio counts as far as its
+//! estimate lies in the ranges of the catalogue's parameters (`ratio.rs`).
+//!
 //! What is wrong from the first bin on is learned by the filter as far as the priors of the platform's constants allow, and
 //! what they do not allow is evidence: against a constant that is several times further off than its prior says. It is
 //! weighed from the first start on, which is never left out, and with a head start ([`Settings::head_start`]).
 
-use nalgebra::{DMatrix, DVector};
-use whorl_diagnosis::Directions;
+use nalgebra::DMatrix;
+use whorl_diagnosis::{Direction, Directions};
+use whorl_dynamics::effects;
 
 use crate::Settings;
 use crate::filter::{Whitened, torque_rates};
 use crate::lanes::Changes;
 use crate::passing::{self, Carried, Columns};
 use crate::places::Places;
+use crate::ratio::{MOST_DIRECTIONS, Suspect, estimate, ln_ratio};
 
 /// Prior sizes of an effect over the catalogue's, each as likely: those of the diagnosis that a run of minutes can tell.
 const SIZES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
 /// The same of a constant that was wrong from the start on, over what the model's prior says of it: less is no error.
 const SIZES_FROM_START: [f64; 2] = [4.0, 8.0];
-/// Ways of entering with more directions would fit anything.
-const MOST_DIRECTIONS: usize = 4;
 /// Starts that are followed at once, beside the first of all.
 const STARTS: usize = 5;
 /// Usual size of a torque that has no name, over the background.
@@ -37,21 +48,6 @@ const NAMELESS: f64 = 10.0;
 
 /// The name of a torque that no effect of the catalogue explains.
 pub const UNKNOWN_TORQUE: &str = "unknown_torque";
-
-/// One suspect: its columns among those that are followed.
-#[derive(Debug, Clone)]
-struct Suspect {
-    effect: usize,
-    columns: Vec<usize>,
-    /// Places of the products of its columns among those that are summed: (0, 0), (0, 1), (1, 1), (0, 2) and so on.
-    products: Vec<usize>,
-    /// Prior standard deviation of each column.
-    stddev: Vec<f64>,
-    sizes: &'static [f64],
-    /// A constant of the platform that is further from the model than its prior says, and has been from the start on.
-    from_start: bool,
-    ln_prior: f64,
-}
 
 /// What was gathered since one start.
 #[derive(Debug, Clone)]
@@ -87,6 +83,7 @@ pub struct Evidence {
     /// Direction of each column that is followed; the last three are torques without a name.
     followed: Vec<usize>,
     nameless_n_m: f64,
+    systematic_sigma: f64,
     torque_rates: DMatrix<f64>,
     starts: Vec<Start>,
     every_ns: i64,
@@ -126,6 +123,7 @@ impl Evidence {
                 columns,
                 products: Vec::new(),
                 stddev,
+                range: suspect.directions.iter().map(|d| range(all, &all.directions[*d])).collect(),
                 sizes: &SIZES,
                 from_start: false,
                 ln_prior: 0.0,
@@ -139,6 +137,7 @@ impl Evidence {
             columns,
             products: Vec::new(),
             stddev: vec![1.0; 3],
+            range: vec![ANY; 3],
             sizes: &SIZES,
             from_start: false,
             ln_prior: 0.0,
@@ -166,6 +165,7 @@ impl Evidence {
         }
         Self {
             nameless_n_m: NAMELESS * settings.background_torque_n_m,
+            systematic_sigma: settings.systematic_sigma,
             torque_rates: torque_rates(&all.base, places),
             starts: Vec::new(),
             every_ns: ns(settings.start_every_s),
@@ -247,7 +247,8 @@ impl Evidence {
         let of = |start| self.suspects.iter().map(move |suspect: &Suspect| (suspect, start));
         let told = |(suspect, start): (&'_ Suspect, &'_ Start)| !suspect.from_start || start.keeps;
         self.starts.iter().flat_map(of).filter(move |both| told(*both)).map(|(suspect, start)| {
-            let ratios = suspect.sizes.iter().map(|size| ln_ratio(suspect, &start.carried, *size));
+            let ratio = |size: &f64| ln_ratio(suspect, &start.carried, *size, self.systematic_sigma);
+            let ratios = suspect.sizes.iter().map(ratio);
             (suspect.ln_prior + ln_sum(ratios) - (suspect.sizes.len() as f64).ln(), suspect, start)
         })
     }
@@ -296,28 +297,56 @@ impl Evidence {
     }
 }
 
+/// What no direction is kept from.
+const ANY: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
+/// A moment of inertia is at least this share of the model's, and at most so many times it: as for the diagnosis.
+const MOMENTS: (f64, f64) = (0.2, 11.0);
+
+/// Units of a direction that a rig can have.
+fn range(all: &Directions, direction: &Direction) -> (f64, f64) {
+    let units = |value: f64| (value - direction.origin) / direction.scale;
+    let (min, max) = match effects::find(direction.effect) {
+        // Directions in which an effect begins may move several parameters: these have names of their own.
+        Some(effect) => {
+            let specs = effect.parameters(all.base.model());
+            let Some(spec) = specs.into_iter().find(|spec| spec.name == direction.parameter) else {
+                return ANY;
+            };
+            if spec.period.is_some() {
+                return ANY;
+            }
+            (spec.min, spec.max)
+        }
+        None if direction.origin > 0.0 => (MOMENTS.0 * direction.origin, MOMENTS.1 * direction.origin),
+        None => return ANY,
+    };
+    let (a, b) = (units(min), units(max));
+    if a.is_nan() || b.is_nan() { ANY } else { (a.min(b), a.max(b)) }
+}
+
 /// The platform's own constants, each alone, further off than their priors say: together as likely as breaks from so many
 /// starts on.
 fn wrong_from_start(all: &Directions, ways: &[Suspect], followed: &[usize], head_start: f64) -> Vec<Suspect> {
     let single = |way: &&Suspect| {
         let [column] = way.columns.as_slice() else { return None };
         let stddev = all.directions.get(*followed.get(*column)?)?.base_stddev;
-        (stddev > 0.0).then_some((way.effect, *column, stddev))
+        (stddev > 0.0).then_some((way.effect, *column, stddev, *way.range.first()?))
     };
     let mut found: Vec<_> = ways.iter().filter_map(|way| single(&way)).collect();
-    found.sort_by_key(|(_, column, _)| *column);
-    found.dedup_by_key(|(_, column, _)| *column);
+    found.sort_by_key(|(_, column, ..)| *column);
+    found.dedup_by_key(|(_, column, ..)| *column);
     if head_start <= 0.0 {
         found.clear();
     }
     let ln_prior = (head_start / found.len() as f64).ln();
     found
         .into_iter()
-        .map(|(effect, column, stddev)| Suspect {
+        .map(|(effect, column, stddev, range)| Suspect {
             effect,
             columns: vec![column],
             products: Vec::new(),
             stddev: vec![stddev],
+            range: vec![range],
             sizes: &SIZES_FROM_START,
             from_start: true,
             ln_prior,
@@ -333,120 +362,4 @@ fn ns(seconds: f64) -> i64 {
 fn ln_sum(terms: impl Iterator<Item = f64> + Clone) -> f64 {
     let most = terms.clone().fold(f64::NEG_INFINITY, f64::max);
     if most == f64::NEG_INFINITY { most } else { most + terms.map(|x| (x - most).exp()).sum::<f64>().ln() }
-}
-
-/// I + V^1/2 A V^1/2, lower triangle, and V^1/2 z.
-fn scaled(
-    suspect: &Suspect,
-    sums: &Carried,
-    size: f64,
-) -> ([[f64; MOST_DIRECTIONS]; MOST_DIRECTIONS], [f64; MOST_DIRECTIONS]) {
-    let (mut information, mut score) = ([[0.0; MOST_DIRECTIONS]; MOST_DIRECTIONS], [0.0; MOST_DIRECTIONS]);
-    let mut products = suspect.products.iter();
-    for (i, column) in suspect.columns.iter().enumerate().take(MOST_DIRECTIONS) {
-        let s_i = suspect.stddev[i] * size;
-        score[i] = s_i * sums.score(*column);
-        for (j, place) in products.by_ref().take(i + 1).enumerate() {
-            information[i][j] = s_i * sums.product(*place) * suspect.stddev[j] * size;
-        }
-        information[i][i] += 1.0;
-    }
-    (information, score)
-}
-
-fn ln_ratio(suspect: &Suspect, sums: &Carried, size: f64) -> f64 {
-    let (mut lower, mut y) = scaled(suspect, sums, size);
-    let (mut determinant, mut squares) = (1.0, 0.0);
-    // Cholesky's factor and the forward substitution, row by row.
-    for i in 0..suspect.columns.len().min(MOST_DIRECTIONS) {
-        for j in 0..i {
-            let (of_i, of_j) = (lower[i], lower[j]);
-            let products = of_i.iter().zip(&of_j).take(j);
-            lower[i][j] = products.fold(of_i[j], |sum, (a, b)| sum - a * b) / of_j[j];
-            y[i] -= lower[i][j] * y[j];
-        }
-        let pivot = lower[i][i] - (0..i).map(|k| lower[i][k] * lower[i][k]).sum::<f64>();
-        // The identity plus a product with itself has no zero; numbers that are not finite speak for nothing.
-        if !(pivot > 0.0 && pivot.is_finite()) {
-            return f64::NEG_INFINITY;
-        }
-        determinant *= pivot;
-        lower[i][i] = pivot.sqrt();
-        y[i] /= lower[i][i];
-        squares += y[i] * y[i];
-    }
-    0.5 * (squares - determinant.ln())
-}
-
-/// Estimates and standard deviations of a suspect's columns, times a factor.
-fn estimate(suspect: &Suspect, sums: &Carried, factor: f64) -> Option<(Vec<f64>, Vec<f64>)> {
-    let best = suspect
-        .sizes
-        .iter()
-        .copied()
-        .max_by(|a, b| ln_ratio(suspect, sums, *a).total_cmp(&ln_ratio(suspect, sums, *b)))?;
-    let (lower, score) = scaled(suspect, sums, best);
-    let count = suspect.columns.len();
-    let information = DMatrix::from_fn(count, count, |i, j| lower[i.max(j)][i.min(j)]);
-    let cholesky = information.cholesky()?;
-    let score = DVector::from_fn(count, |i, _| score[i]);
-    let (mean, covariance) = (cholesky.solve(&score), cholesky.inverse());
-    let s = |i: usize| suspect.stddev[i] * best * factor;
-    Some((
-        (0..count).map(|i| mean[i] * s(i)).collect(),
-        (0..count).map(|i| covariance[(i, i)].sqrt() * s(i)).collect(),
-    ))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn suspect(count: usize, stddev: f64) -> Suspect {
-        let columns: Vec<usize> = (0..count).collect();
-        let products = (0..count * (count + 1) / 2).collect();
-        Suspect {
-            effect: 0,
-            columns,
-            products,
-            stddev: vec![stddev; count],
-            sizes: &SIZES,
-            from_start: false,
-            ln_prior: 0.0,
-        }
-    }
-
-    /// One column: the integral of the likelihood over the prior, by the trapezoidal rule.
-    #[test]
-    fn the_ratio_is_the_likelihood_integrated_over_the_prior() {
-        let suspect = suspect(1, 0.7);
-        let (x, y) = ([0.3, -1.0, 2.0, 0.4], [0.5, -0.2, 1.7, 0.1]);
-        let information: f64 = x.iter().map(|x| x * x).sum();
-        let score: f64 = x.iter().zip(y).map(|(x, y)| x * y).sum();
-        let sums = Carried::with_sums(&[score], &[information]);
-        let sigma = 0.7 * 3.0;
-        let density = |phi: f64| {
-            let misfit: f64 = x.iter().zip(y).map(|(x, y)| (y - x * phi).powi(2) - y * y).sum();
-            (-0.5 * misfit - 0.5 * (phi / sigma).powi(2)).exp() / (sigma * std::f64::consts::TAU.sqrt())
-        };
-        let step = 1e-3;
-        let integral: f64 = (-20_000..20_000).map(|k| density(f64::from(k) * step) * step).sum();
-        assert!((ln_ratio(&suspect, &sums, 3.0) - integral.ln()).abs() < 1e-9);
-    }
-
-    /// Three columns, against the formula at the head of this file in matrices.
-    #[test]
-    fn the_ratio_of_several_columns_is_the_formula() {
-        let suspect = suspect(3, 0.7);
-        let x = DMatrix::from_fn(5, 3, |i, j| ((i * 3 + j) as f64).sin());
-        let y = DVector::from_fn(5, |i, _| (i as f64).cos());
-        let (a, z) = (x.transpose() * &x, x.transpose() * &y);
-        let products = [a[(0, 0)], a[(0, 1)], a[(1, 1)], a[(0, 2)], a[(1, 2)], a[(2, 2)]];
-        let sums = Carried::with_sums(z.as_slice(), &products);
-        let s = 0.7 * 3.0;
-        let inner = DMatrix::identity(3, 3) + &a * (s * s);
-        let quadratic = (z.transpose() * inner.clone().try_inverse().unwrap() * &z)[0] * s * s;
-        let expected = 0.5 * (quadratic - inner.determinant().ln());
-        assert!((ln_ratio(&suspect, &sums, 3.0) - expected).abs() < 1e-12);
-    }
 }

@@ -397,7 +397,9 @@ impl Filter {
             let friction = if turning == Turning::Slowly { wheel.coulomb_friction_n_m } else { 0.0 };
             let sticking = friction * friction * STICKING_S * bin.length_s;
             let change = by_wheel_torque.column(j);
-            covariance += change * change.transpose() * (asked * asked + noise + sticking);
+            covariance += change
+                * change.transpose()
+                * (asked * asked + noise + sticking + bin.wheel_impulse_variance[j]);
         }
         covariance
     }

@@ -3,7 +3,8 @@
 //! A recursive form of the regression of `whorl_diagnosis` (its METHOD.md), over gyro and wheel speeds:
 //!
 //! 1. Every bin (0.2 s) is predicted by the platform's own plant code with the torques and pulses that were carried out,
-//!    from the best estimate at its start; the attitude is the estimator's ([`predictor`]).
+//!    from the best estimate at its start; the attitude is the estimator's ([`predictor`]). It is predicted when everything
+//!    about it has arrived; where something is late for good, lost or in disorder the motion is found anew ([`Hole`]).
 //! 2. A Kalman filter over rate, wheel speeds, gyro bias, a slow background torque and the platform's own constants
 //!    (the base columns of the diagnosis, with their priors) turns prediction errors into innovations of unit variance,
 //!    y ([`filter`]). How noisy the motors are is learned in the first minute ([`motors`]).
@@ -18,13 +19,18 @@
 
 pub mod evidence;
 pub mod filter;
+mod fit;
 pub mod lanes;
 mod monitor;
 pub mod motors;
 mod passing;
 pub mod places;
 pub mod predictor;
+mod ratio;
 mod settings;
+mod sources;
 
-pub use monitor::{Fit, Likeliest, Monitor, MonitorError, State};
+pub use fit::{Fit, Likeliest, Parameter, State};
+pub use monitor::{Monitor, MonitorError};
 pub use settings::Settings;
+pub use sources::{Hole, Source};

@@ -13,22 +13,23 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use crate::Settings;
 use crate::evidence::{Evidence, UNKNOWN_TORQUE};
 use crate::filter::{Filter, turned};
+use crate::fit::{Fit, Likeliest, Parameter, State};
 use crate::lanes::Lanes;
 use crate::motors::MotorNoise;
 use crate::predictor::{Input, Predictor, Supplies};
+use crate::sources::{GAP_S, Hole, Source, Sources, WheelTorque};
 
-/// A bin is predicted this long after its end, when all about it has arrived \[s\].
+/// A bin is predicted when all that comes regularly is known until this long after its end \[s\]: what comes seldom has
+/// arrived by then.
 const SETTLED_S: f64 = 0.05;
-/// Readings further apart are a gap \[s\].
-const GAP_S: f64 = 0.05;
 /// From the tilt stop the platform is watched at this distance only \[rad\]: what happens there is the stop's.
 const FROM_STOP_RAD: f64 = 0.005;
 /// Bins after a gap in which the motion is found, before anything is concluded.
 const SETTLING_BINS: u32 = 10;
-/// A probability that is plain.
-const PLAIN: f64 = 0.95;
 /// Data that wait at most; more is lost.
 const MOST_WAITING: usize = 4096;
+/// Sums of on-times are rounded to this \[s\].
+const ROUNDED_S: f64 = 1e-6;
 
 /// Why a platform cannot be watched.
 #[derive(Debug, Error)]
@@ -44,62 +45,11 @@ pub enum MonitorError {
     },
 }
 
-/// What the monitor says.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum State {
-    /// Not enough to say anything yet, or nobody moves the platform.
-    Waiting,
-    /// The platform moves as its model says.
-    Agrees,
-    /// The evidence is half-way to the limit.
-    Doubt,
-    /// The platform no longer moves as its model says.
-    Mismatch,
-}
-
-/// The effect that explains the mismatch best.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Likeliest {
-    /// Id in the catalogue, or `unknown_torque`.
-    pub effect: String,
-    /// Its probability among single effects that begin within memory.
-    pub probability: f64,
-    /// Parameters of the likeliest way in which it enters, with estimates, standard deviations and units.
-    pub parameters: Vec<Parameter>,
-    /// It had begun by \[ns\].
-    pub since_ns: i64,
-}
-
-/// One parameter and its change.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Parameter {
-    /// Its name.
-    pub name: String,
-    /// What it has become.
-    pub estimate: f64,
-    /// Standard deviation.
-    pub stddev: f64,
-    /// Unit, "1" for none.
-    pub unit: String,
-}
-
-/// How well the model fits.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Fit {
-    /// End of the newest bin \[ns\].
-    pub stamp_ns: i64,
-    /// What the monitor says.
-    pub state: State,
-    /// Whitened residual of the newest bin: gyro; NaN where nothing was read.
-    pub gyro: Vector3<f64>,
-    /// The same of each wheel's speed.
-    pub wheel_speed: Vec<f64>,
-    /// Sum of squares of the whitened residuals since the last fit, and their number.
-    pub squares: (f64, u32),
-    /// ln of the running evidence against the model \[nats\].
-    pub ln_evidence: f64,
-    /// The likeliest single effect, once there is a mismatch.
-    pub likeliest: Option<Likeliest>,
+/// The valves as they were last.
+#[derive(Debug, Clone)]
+struct Valves {
+    open: Vec<bool>,
+    total_on_time_s: Vec<f64>,
 }
 
 /// The monitor of one platform.
@@ -116,10 +66,12 @@ pub struct Monitor {
     inputs: VecDeque<(i64, Input)>,
     attitudes: VecDeque<(i64, UnitQuaternion<f64>, Vector3<f64>)>,
     supplies: Supplies,
-    gyro_before_ns: Option<i64>,
-    wheels_before: Option<i64>,
-    valves_before: Option<(i64, Vec<bool>)>,
+    sources: Sources,
+    wheel_torque: WheelTorque,
+    valves_before: Option<Valves>,
     broken: bool,
+    hole: Option<Hole>,
+    holes: u64,
     settling: u32,
     squares: (f64, u32),
     newest: Option<(i64, Vector3<f64>, Vec<f64>)>,
@@ -159,10 +111,12 @@ impl Monitor {
             inputs: VecDeque::new(),
             attitudes: VecDeque::new(),
             supplies: Supplies::default(),
-            gyro_before_ns: None,
-            wheels_before: None,
+            sources: Sources::new(!model.wheels().is_empty(), !model.jets().is_empty()),
+            wheel_torque: WheelTorque::default(),
             valves_before: None,
             broken: true,
+            hole: None,
+            holes: 0,
             settling: SETTLING_BINS,
             squares: (0.0, 0),
             newest: None,
@@ -172,22 +126,35 @@ impl Monitor {
 
     fn push(&mut self, at_ns: i64, input: Input) {
         if self.inputs.len() >= MOST_WAITING {
-            self.pause();
+            self.lose(Hole::TooMany);
         }
-        // Data come nearly in order.
+        // Data come nearly in order. What belongs to a bin that has been predicted cannot be put right.
+        if self.predictor.as_ref().is_some_and(|predictor| !self.broken && at_ns < predictor.now_ns()) {
+            self.lose(Hole::Late);
+            return;
+        }
         let place = self.inputs.iter().rposition(|(before, _)| *before <= at_ns).map_or(0, |k| k + 1);
         self.inputs.insert(place, (at_ns, input));
     }
 
+    /// A message of a source; the time since the one before, if nothing is missing between them \[s\].
+    fn heard(&mut self, source: Source, stamp_ns: i64) -> Option<f64> {
+        match self.sources.heard(source, stamp_ns) {
+            Ok(since_s) => since_s,
+            Err(hole) => {
+                self.lose(hole);
+                // The first after the hole.
+                let _ = self.sources.heard(source, stamp_ns);
+                None
+            }
+        }
+    }
+
     /// Reading of the gyro, body axes [rad/s].
     pub fn on_gyro(&mut self, stamp_ns: i64, rate_b_rad_s: &Vector3<f64>) {
-        if let Some(before) = self.gyro_before_ns
-            && (stamp_ns <= before || (stamp_ns - before) as f64 * 1e-9 > GAP_S)
-        {
-            self.pause();
-        }
-        self.gyro_before_ns = Some(stamp_ns);
+        self.heard(Source::Gyro, stamp_ns);
         self.push(stamp_ns, Input::Gyro(*rate_b_rad_s));
+        self.predict();
     }
 
     /// Speeds of the wheels [rad/s] and the motor torques that were in force until then [N m].
@@ -202,32 +169,69 @@ impl Monitor {
             all.iter_mut().zip(numbers).for_each(|(slot, x)| *slot = *x);
             all
         };
-        // In force since the message before; after a lost one nobody knows.
-        let since = self.wheels_before.filter(|before| *before < stamp_ns).unwrap_or(stamp_ns);
-        self.wheels_before = Some(stamp_ns);
-        self.push(since, Input::Torque(fill(torque_n_m)));
+        let usual_s = self.sources.usual_s(Source::Wheels);
+        let since_s = self.heard(Source::Wheels, stamp_ns);
+        let torque = fill(torque_n_m);
+        match since_s {
+            Some(since_s) => {
+                let doubt = self.wheel_torque.took_force(&torque, since_s, usual_s);
+                let since_ns = stamp_ns - ns(since_s);
+                self.push(since_ns, Input::Torque(torque));
+                self.push(since_ns, Input::Doubt(doubt));
+            }
+            None => {
+                self.wheel_torque.is(&torque);
+                self.push(stamp_ns, Input::Torque(torque));
+            }
+        }
         self.push(stamp_ns, Input::Speed(fill(speed_rad_s)));
+        self.predict();
     }
 
-    /// State of the valves at `stamp_ns`, and how long each was driven since the message before \[s\].
-    pub fn on_valves(&mut self, stamp_ns: i64, open: &[bool], on_time_s: &[f64]) {
+    /// State of the valves at `stamp_ns`, and how long each was driven in all \[s\]: so that a message that is lost loses no
+    /// pulse.
+    pub fn on_valves(&mut self, stamp_ns: i64, open: &[bool], total_on_time_s: &[f64]) {
         let jets = self.model.jets().len();
-        if open.len() != jets || on_time_s.len() != jets {
+        let finite = total_on_time_s.iter().all(|total| total.is_finite());
+        if open.len() != jets || total_on_time_s.len() != jets || !finite {
             return;
         }
-        let before = self.valves_before.replace((stamp_ns, open.to_vec()));
-        let Some((before_ns, was_open)) = before.filter(|(at, _)| *at < stamp_ns) else { return };
-        for (jet, on_time_s) in on_time_s.iter().enumerate().filter(|(_, t)| t.is_finite() && **t > 0.0) {
-            let on_ns = ((on_time_s * 1e9).round() as i64).min(stamp_ns - before_ns);
-            let opened_meanwhile = open[jet] && !was_open.get(jet).copied().unwrap_or(false);
-            let start_ns = if opened_meanwhile { stamp_ns - on_ns } else { before_ns };
-            self.push(start_ns, Input::Pulse(jet, on_ns as f64 * 1e-9));
+        let since_s = self.heard(Source::Valves, stamp_ns);
+        let now = Valves { open: open.to_vec(), total_on_time_s: total_on_time_s.to_vec() };
+        let before = self.valves_before.replace(now);
+        if let (Some(since_s), Some(before)) = (since_s, before) {
+            let before_ns = stamp_ns - ns(since_s);
+            for (jet, (total_s, before_s)) in total_on_time_s.iter().zip(&before.total_on_time_s).enumerate()
+            {
+                let on_time_s = total_s - before_s;
+                if !(-ROUNDED_S..=since_s + ROUNDED_S).contains(&on_time_s) {
+                    self.lose(Hole::Contradiction(Source::Valves));
+                    break;
+                }
+                let on_ns = ns(on_time_s).clamp(0, stamp_ns - before_ns);
+                if on_ns == 0 {
+                    continue;
+                }
+                let opened_meanwhile = open[jet] && !before.open.get(jet).copied().unwrap_or(false);
+                let start_ns = if opened_meanwhile { stamp_ns - on_ns } else { before_ns };
+                self.push(start_ns, Input::Pulse(jet, on_ns as f64 * 1e-9));
+            }
         }
+        self.predict();
     }
 
     /// Moment of the linear mass actuators from now on, body axes [N m].
     pub fn on_ballast(&mut self, stamp_ns: i64, moment_b_n_m: &Vector3<f64>) {
         self.push(stamp_ns, Input::Ballast(*moment_b_n_m));
+    }
+
+    /// The platform is controlled until this time: no hand is on it.
+    pub fn on_controlled(&mut self, stamp_ns: i64) {
+        // Control acts on estimates, and may act on one twice.
+        if self.sources.newest_ns(Source::Control).is_none_or(|newest| newest < stamp_ns) {
+            self.heard(Source::Control, stamp_ns);
+            self.predict();
+        }
     }
 
     /// Supplies as measured; those that are `None` stay as they were.
@@ -240,11 +244,22 @@ impl Monitor {
         };
     }
 
-    /// Nobody knows how the platform moves from here on: a gap, a hand, a stop. What was learned stays.
+    /// Nobody knows how the platform moves from here on: a hand, a stop, an estimate that is of no use. What was learned stays.
     pub fn pause(&mut self) {
         self.broken = true;
         self.inputs.clear();
         self.attitudes.clear();
+        self.sources.forget();
+        self.valves_before = None;
+    }
+
+    /// The same because data are late, lost or in disorder.
+    fn lose(&mut self, hole: Hole) {
+        if !self.broken {
+            self.holes += 1;
+        }
+        self.hole = Some(hole);
+        self.pause();
     }
 
     /// Forgets a mismatch, as after a repair, and all evidence.
@@ -269,6 +284,7 @@ impl Monitor {
             self.pause();
             return;
         }
+        self.heard(Source::Attitude, stamp_ns);
         if self.attitudes.len() >= MOST_WAITING {
             self.attitudes.pop_front();
         }
@@ -277,15 +293,21 @@ impl Monitor {
             self.restart(stamp_ns, q_world_body, rate_b_rad_s);
             return;
         }
-        loop {
+        self.predict();
+    }
+
+    /// Predicts all bins about which everything has arrived.
+    fn predict(&mut self) {
+        while !self.broken {
             let Some(start_ns) = self.predictor.as_ref().map(Predictor::now_ns) else { return };
             let end_ns = start_ns + ns(self.settings.bin_s);
-            if stamp_ns < end_ns + ns(SETTLED_S) {
-                return;
+            match self.sources.complete(end_ns + ns(SETTLED_S)) {
+                Ok(true) => {}
+                Ok(false) => return,
+                Err(hole) => return self.lose(hole),
             }
             if !self.bin(start_ns, end_ns) {
                 self.pause();
-                return;
             }
         }
     }
@@ -334,6 +356,7 @@ impl Monitor {
         let changes = self.lanes.changes(&bin, &places);
         self.settling = self.settling.saturating_sub(1);
         if self.settling == 0 {
+            self.hole = None;
             self.evidence.begin(start_ns);
         }
         self.filter.set_motor_noise_share(self.motors.share());
@@ -379,7 +402,8 @@ impl Monitor {
             (false, false) => State::Agrees,
         };
         let likeliest = if self.alarmed { self.likeliest() } else { None };
-        Fit { stamp_ns, state, gyro, wheel_speed, squares, ln_evidence, likeliest }
+        let hole = self.hole.filter(|_| state == State::Waiting);
+        Fit { stamp_ns, state, gyro, wheel_speed, squares, ln_evidence, likeliest, hole, holes: self.holes }
     }
 
     /// Standard deviation of the motors' torque noise over that of the settings, as far as it is learned.
@@ -423,14 +447,6 @@ impl Monitor {
             parameters,
             since_ns: first.since_ns,
         })
-    }
-}
-
-impl Likeliest {
-    /// Whether it is plain.
-    #[must_use]
-    pub fn is_plain(&self) -> bool {
-        self.probability >= PLAIN
     }
 }
 

@@ -141,6 +141,7 @@ mod tests {
         for wheel in model.wheels_mut() {
             (wheel.viscous_friction_n_m_s, wheel.coulomb_friction_n_m) = (0.0, 0.0);
         }
+        let jets = model.jets().len();
         let spin_inertia = model.wheels()[0].spin_inertia_kg_m2;
         let settings = Settings { background_torque_n_m: 1e-6, ..Settings::of(&model) };
         let mut monitor = Monitor::new(&model, &ModelPrior::typical(&model), &settings).unwrap();
@@ -167,6 +168,8 @@ mod tests {
             let speeds = speed.map(|s| s + speed_noise * normal());
             monitor.on_gyro(at_ns, &reading);
             monitor.on_wheels(at_ns, speeds.as_slice(), &[0.0; 3]);
+            monitor.on_valves(at_ns, &vec![false; jets], &vec![0.0; jets]);
+            monitor.on_controlled(at_ns);
             monitor.on_attitude(at_ns, &q, &omega);
             if steps % 100 == 0 {
                 let fit = monitor.fit(at_ns);

@@ -31,6 +31,8 @@ pub(crate) struct Carried {
     state: Vec<Lanes>,
     /// X^T y of each column, by groups.
     score: Vec<Lanes>,
+    /// Sum of |X| of each column, by groups.
+    absolute: Vec<Lanes>,
     /// X^T X of each pair of columns that is asked for.
     products: Vec<f64>,
 }
@@ -68,6 +70,7 @@ impl Carried {
             length,
             state: vec![[0.0; LANES]; groups * length],
             score: vec![[0.0; LANES]; groups],
+            absolute: vec![[0.0; LANES]; groups],
             products: vec![0.0; products],
         }
     }
@@ -82,10 +85,24 @@ impl Carried {
         sums
     }
 
+    #[cfg(test)]
+    pub fn with_absolute(mut self, absolute: &[f64]) -> Self {
+        for (k, x) in absolute.iter().enumerate() {
+            self.absolute[k / LANES][k % LANES] = *x;
+        }
+        self
+    }
+
     /// z of a column.
     #[inline]
     pub fn score(&self, column: usize) -> f64 {
         self.score.get(column / LANES).map_or(0.0, |lanes| lanes[column % LANES])
+    }
+
+    /// Sum of |X| of a column.
+    #[inline]
+    pub fn absolute(&self, column: usize) -> f64 {
+        self.absolute.get(column / LANES).map_or(0.0, |lanes| lanes[column % LANES])
     }
 
     /// A of a pair of columns.
@@ -208,6 +225,11 @@ impl<const R: usize> pulp::WithSimd for Pass<'_, R> {
             if let Some(score) = carried.score.get_mut(group) {
                 for (x, y) in x.iter().zip(&columns.innovation) {
                     add_scaled(score, *y, x);
+                }
+            }
+            if let Some(absolute) = carried.absolute.get_mut(group) {
+                for x in x.iter().take(columns.readings) {
+                    absolute.iter_mut().zip(x).for_each(|(sum, x)| *sum += x.abs());
                 }
             }
             for (row, x) in x.iter().enumerate().take(columns.readings) {

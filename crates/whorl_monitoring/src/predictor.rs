@@ -14,6 +14,8 @@ const STEP_NS: i64 = 10_000_000;
 pub enum Input {
     /// Motor torques of the wheels from now on [N m].
     Torque([f64; MAX_WHEELS]),
+    /// Variance of what the wheels' motors may have done otherwise since the torque before [(N m s)^2].
+    Doubt([f64; MAX_WHEELS]),
     /// A jet's valve is driven for so long \[s\], from now on.
     Pulse(usize, f64),
     /// Moment of the linear mass actuators from now on, body axes [N m].
@@ -67,6 +69,8 @@ pub struct Bin {
     pub wheel_speed_rad_s: [f64; MAX_WHEELS],
     /// Mean motor torques [N m].
     pub wheel_torque_n_m: [f64; MAX_WHEELS],
+    /// Variance of the motors' impulses [(N m s)^2]: nobody knows just when a torque took force.
+    pub wheel_impulse_variance: [f64; MAX_WHEELS],
     /// Share of the time during which gas flowed.
     pub valve_fraction: [f64; MAX_JETS],
     /// Tank pressure \[Pa\], gas used \[kg\], bus voltage \[V\], temperature \[K\], travel of the ballast.
@@ -198,6 +202,10 @@ impl Predictor {
                     // The platform's own: their number was checked.
                     let _ = self.plant.command_wheels(torque.get(..self.wheels).unwrap_or(&[]));
                 }
+                Input::Doubt(variance) => {
+                    let sums = bin.wheel_impulse_variance.iter_mut().zip(variance);
+                    sums.for_each(|(sum, variance)| *sum += variance);
+                }
                 Input::Pulse(jet, on_time_s) => {
                     let _ = self.plant.command_jet_pulse(jet, self.plant.now_ns(), on_time_s);
                 }
@@ -252,6 +260,7 @@ impl Predictor {
             omega_dot_b_rad_s2: Vector3::zeros(),
             wheel_speed_rad_s: [0.0; MAX_WHEELS],
             wheel_torque_n_m: [0.0; MAX_WHEELS],
+            wheel_impulse_variance: [0.0; MAX_WHEELS],
             valve_fraction: [0.0; MAX_JETS],
             supplies: Default::default(),
             hidden: Vec::new(),

@@ -3,6 +3,13 @@
 use std::fmt;
 use std::sync::Arc;
 
+use whorl_math::words::shortened;
+
+/// Characters of a key or value that are shown: no right one is longer.
+const LONGEST: usize = 200;
+/// Characters of what is wrong and allowed: the longest lists of what is allowed have some thousand.
+const LONGEST_PROBLEM: usize = 4000;
+
 /// Where a parameter's value was given.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Origin {
@@ -69,13 +76,15 @@ impl ParameterError {
 impl fmt::Display for ParameterError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: ", self.origin)?;
-        match (&self.key, &self.value) {
+        let key = self.key.as_deref().map(|key| shortened(key, LONGEST));
+        let value = self.value.as_deref().map(|value| shortened(value, LONGEST));
+        match (key, value) {
             (Some(key), Some(value)) => write!(f, "{key} = {value}: ")?,
             (Some(key), None) => write!(f, "{key}: ")?,
             (None, Some(value)) => write!(f, "{value}: ")?,
             (None, None) => {}
         }
-        write!(f, "{}", self.problem)
+        write!(f, "{}", shortened(&self.problem, LONGEST_PROBLEM))
     }
 }
 

@@ -7,6 +7,7 @@ use whorl_math::words::nearest;
 
 use crate::command_line::Override;
 use crate::error::{Origin, ParameterError, ParameterErrors};
+use crate::files::read_text;
 use crate::missing::missing;
 use crate::node_parameters::{Entry, NodeParameters};
 use crate::sections::{Section, sections, sections_for};
@@ -34,7 +35,7 @@ impl ParameterTree {
         let mut errors = Vec::new();
         let mut texts = Vec::new();
         for path in files {
-            match std::fs::read_to_string(path) {
+            match read_text(path) {
                 Ok(text) => texts.push((path.display().to_string(), text)),
                 Err(error) => errors.push(unreadable(path, &error)),
             }
@@ -57,8 +58,7 @@ impl ParameterTree {
     /// Everything that is wrong with the form of the file; sections for another name than `node`.
     pub fn load_for(path: &Path, node: &str) -> Result<NodeParameters, ParameterErrors> {
         let file: Arc<str> = path.display().to_string().into();
-        let text =
-            std::fs::read_to_string(path).map_err(|error| ParameterErrors::from(unreadable(path, &error)))?;
+        let text = read_text(path).map_err(|error| ParameterErrors::from(unreadable(path, &error)))?;
         let mut errors = Vec::new();
         let sections = sections_for(&file, &text, node, &mut errors);
         ParameterErrors::check(errors)?;

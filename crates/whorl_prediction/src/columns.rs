@@ -3,44 +3,20 @@
 //! For each parameter another plant begins every step in the filter's own state, with the model a little further along the
 //! parameter: what it does otherwise is what drives the column, whatever the effect is. See METHOD.md, "Sensitivities".
 
-use nalgebra::{DMatrix, DVector, DVectorView, Vector3};
+use nalgebra::{DMatrix, DVector, DVectorView};
+use whorl_dynamics::Plant;
 use whorl_dynamics::plant::Acts;
-use whorl_dynamics::{Plant, PlatformModel};
 use whorl_recording::Channel;
 
 use crate::error::PredictionError;
 use crate::known::KnownBefore;
+use crate::other::{Differs, Does, Other, Varied};
 use crate::prepared::{OtherModel, Prepared};
 use crate::rows::Row;
+use crate::transition::add_product_transposed;
 
 /// Innovations that are added to the information together.
 const TOGETHER: usize = 64;
-
-/// A model a little further along a parameter.
-#[derive(Debug, Clone)]
-pub struct Varied {
-    /// The model there.
-    pub model: PlatformModel,
-    /// How far along the parameter, in its unit.
-    pub step: f64,
-}
-
-/// A varied model on the way of a filter.
-#[derive(Clone)]
-struct Other<'a> {
-    with: OtherModel<'a>,
-    step: f64,
-    /// How much later than the filter's model it takes the readings of gyro and accelerometer to be \[s\].
-    late_s: [f64; 2],
-    /// What is behind the sensors' low-pass less what is there with the filter's model, of a model with another low-pass.
-    behind: Option<[Vector3<f64>; 2]>,
-    /// Its motion goes its own way within a step: valves at other times, hidden states, another low-pass.
-    is_stepped: bool,
-    /// Its vector sensors are others.
-    turns_vectors: bool,
-    /// How it acts over the present step; `None` where it is stepped.
-    acts: Option<Acts>,
-}
 
 /// Steps up to this share of the time of the fastest motion may be taken with what a parameter does at their start: the motion turns
 /// what it does by as many radians meanwhile.
@@ -56,9 +32,9 @@ pub(crate) struct Columns<'a> {
     before: Option<Plant>,
     /// How the reference acts over the present step, if that is short.
     acts: Option<Acts>,
-    /// Of the filter's estimate, by parameter: coordinates of the layout per unit.
+    /// Of the filter's estimate, parameters by coordinates of the layout, per unit: numbers of a coordinate lie side by side.
     of_state: DMatrix<f64>,
-    /// Of the estimate of the start.
+    /// Of the estimate of the start, the same way.
     of_start: DMatrix<f64>,
     /// Sum of d d^T / S over all innovations e with d = de/dtheta: the information on the parameters,
     information: DMatrix<f64>,
@@ -141,8 +117,8 @@ impl<'a> Columns<'a> {
             reference,
             before: None,
             acts: None,
-            of_state: DMatrix::zeros(size, n),
-            of_start: DMatrix::zeros(size, n),
+            of_state: DMatrix::zeros(n, size),
+            of_start: DMatrix::zeros(n, size),
             information: DMatrix::zeros(n, n),
             waiting: DMatrix::zeros(n, TOGETHER),
             count_waiting: 0,
@@ -155,7 +131,7 @@ impl<'a> Columns<'a> {
     /// The sums over all innovations so far.
     pub fn sums(mut self) -> Sums {
         self.gather();
-        Sums { information: self.information, slope: -self.slope, of_start: self.of_start }
+        Sums { information: self.information, slope: -self.slope, of_start: self.of_start.transpose() }
     }
 
     /// Before a step that ends at an instant: how every varied model acts in the filter's state, or where more happens within the step
@@ -168,17 +144,25 @@ impl<'a> Columns<'a> {
             step_s * case.fastest_1_s() <= SHORT_STEP && self.reference.is_steady_until(case, end_ns);
         self.acts = is_simple.then(|| self.reference.plant.acts());
         self.before = self.others.iter().any(Other::is_late).then(|| plant.clone());
-        for (other, column) in self.others.iter_mut().zip(self.of_state.column_iter()) {
-            other.acts = None;
-            if is_simple && !other.is_stepped {
+        let jets_rest = is_simple && self.reference.plant.jets_rest();
+        for (other, row) in self.others.iter_mut().zip(self.of_state.row_iter()) {
+            other.does = Does::TheSame;
+            if other.differs == Differs::InReadings {
+                continue;
+            }
+            if is_simple && other.differs != Differs::WithinSteps {
+                if jets_rest && other.differs == Differs::InJets && other.with.is_steady_until(case, end_ns) {
+                    continue;
+                }
                 other.with.plant.take_motion_of(plant, &[]);
                 if other.with.is_steady_until(case, end_ns) && other.with.plant.holds_wheels_of(plant) {
-                    other.acts = Some(other.with.plant.acts());
+                    other.does = Does::Act(other.with.plant.acts());
                     continue;
                 }
             }
-            let moved = column.rows(0, n) * other.step;
+            let moved = row.columns(0, n).transpose() * other.step;
             other.take_motion_of(plant, moved.as_slice());
+            other.does = Does::Step;
         }
     }
 
@@ -190,40 +174,56 @@ impl<'a> Columns<'a> {
             return false;
         }
         let reference = &self.reference.plant;
-        let entries = entries(transition);
-        let mut moving = DVector::zeros(m);
-        for (other, mut column) in self.others.iter_mut().zip(self.of_state.column_iter_mut()) {
-            if let Some((acts, of_reference)) = other.acts.as_ref().zip(self.acts.as_ref()) {
-                // Half of what it does goes through the whole step: s <- F (s + h/2 r) + h/2 r.
-                let half = 0.5 * step_s / other.step;
-                moving.copy_from(&column.rows(0, m));
-                column.rows_mut(0, m).fill(0.0);
-                for (i, (own, of_reference)) in acts.rates.iter().zip(&of_reference.rates).enumerate() {
-                    column[i] = half * (own - of_reference);
-                    moving[i] += column[i];
+        // Half of what a model does goes through the whole step: s <- F (s + h/2 r) + h/2 r.
+        let mut half = DMatrix::zeros(self.others.len(), n);
+        for (other, mut row) in self.others.iter_mut().zip(half.row_iter_mut()) {
+            let Some(of_reference) = &self.acts else { break };
+            match &other.does {
+                Does::Act(acts) => {
+                    let share = 0.5 * step_s / other.step;
+                    let pairs = acts.rates.iter().zip(&of_reference.rates);
+                    row.iter_mut().zip(pairs).for_each(|(slot, (own, of))| *slot = share * (own - of));
+                    other.with.plant.wait_until(plant.now_ns(), acts);
                 }
-                entries.iter().for_each(|(i, k, x)| column[*i] += x * moving[*k]);
-                other.with.plant.wait_until(plant.now_ns(), acts);
-                continue;
+                Does::TheSame if other.differs == Differs::InJets => {
+                    other.with.plant.wait_until(plant.now_ns(), of_reference);
+                }
+                Does::TheSame | Does::Step => {}
             }
+        }
+        let mut stepped = Vec::new();
+        for (k, other) in
+            self.others.iter_mut().enumerate().filter(|(_, other)| matches!(other.does, Does::Step))
+        {
             if !other.with.run_to(case, plant.now_ns()) {
                 return false;
             }
             if let Some(behind) = &mut other.behind {
                 *behind = other.with.plant.behind_filter_less(reference);
             }
-            let by_disturbance = transition.columns(n, m - n) * column.rows(n, m - n);
+            let before = self.of_state.row(k).columns(0, m).transpose();
+            let mut moved: DVector<f64> = transition.columns(n, m - n) * before.rows(n, m - n);
             // Where one sticks and the other slips the difference says nothing of a small one.
             let of_plant = if other.with.plant.is_on_branch_of(reference) {
                 // The plants know better than derivatives that are held how a state moves on; disturbances they have in
                 // common.
                 other.with.plant.motion_less(reference) / other.step
             } else {
-                transition.view((0, 0), (n, n)) * column.rows(0, n)
+                transition.view((0, 0), (n, n)) * before.rows(0, n)
             };
-            column.rows_mut(0, m).copy_from(&by_disturbance);
-            column.rows_mut(0, n).axpy(1.0, &of_plant, 1.0);
+            moved.rows_mut(0, n).axpy(1.0, &of_plant, 1.0);
+            stepped.push((k, moved));
         }
+        let mut moving = self.of_state.columns(0, m).into_owned();
+        let mut from_now = moving.columns_mut(0, n);
+        from_now += &half;
+        let mut behind = DMatrix::zeros(self.others.len(), m);
+        behind.columns_mut(0, n).copy_from(&half);
+        add_product_transposed(&mut behind, &moving, transition);
+        for (k, moved) in stepped {
+            behind.row_mut(k).tr_copy_from(&moved);
+        }
+        self.of_state.columns_mut(0, m).copy_from(&behind);
         if let Some(before) = &self.before {
             let step_s = (plant.now_ns() - before.now_ns()) as f64 * 1e-9;
             self.rates = plant.motion_less(before) / step_s;
@@ -233,10 +233,10 @@ impl<'a> Columns<'a> {
 
     /// A wheel that its friction holds stands whatever the parameters are.
     pub fn hold(&mut self, coordinate: usize) {
-        self.of_state.row_mut(coordinate).fill(0.0);
+        self.of_state.column_mut(coordinate).fill(0.0);
     }
 
-    /// How each of these readings in a state changes with the parameters where the state does not: readings by parameters. `read` is
+    /// How each of these readings in a state changes with the parameters where the state does not: parameters by readings. `read` is
     /// what other models read there.
     pub fn of_readings(
         &mut self,
@@ -247,20 +247,33 @@ impl<'a> Columns<'a> {
         self.latest.clear();
         let n = self.rates.len();
         let here = vec![0.0; n];
-        let mut found = DMatrix::zeros(rows.len(), self.others.len());
-        for (other, mut column) in self.others.iter_mut().zip(found.column_iter_mut()) {
-            if let Some((acts, of_reference)) = other.acts.as_ref().zip(self.acts.as_ref())
-                && !other.turns_vectors
-            {
-                for (slot, row) in column.iter_mut().zip(rows) {
+        // What differs in readings alone shows in the state as it is now.
+        let now = self.others.iter().any(|other| other.differs == Differs::InReadings).then(|| {
+            self.reference.plant.take_motion_of(plant, &[]);
+            self.reference.plant.acts()
+        });
+        let mut found = DMatrix::zeros(self.others.len(), rows.len());
+        for (other, mut slots) in self.others.iter_mut().zip(found.row_iter_mut()) {
+            let moves = |row: &Row, late_s: f64| {
+                if late_s == 0.0 { 0.0 } else { row.by_state.rows(0, n).dot(&self.rates) * late_s }
+            };
+            let reads_later = match (&other.does, &self.acts, &now) {
+                _ if other.turns_vectors => None,
+                (Does::Act(acts), Some(of_reference), _) => Some(of_reference.imu - acts.imu),
+                (Does::TheSame, _, Some(now)) if other.differs == Differs::InReadings => {
+                    Some(now.imu - other.with.plant.imu_of(&self.reference.plant, now))
+                }
+                (Does::TheSame, ..) => continue,
+                _ => None,
+            };
+            if let Some(less) = reads_later {
+                for (slot, row) in slots.iter_mut().zip(rows) {
                     let (at, late_s) = match row.component.channel {
                         Channel::Gyro => (row.component.index(), other.late_s[0]),
                         Channel::Accelerometer => (3 + row.component.index(), other.late_s[1]),
                         _ => continue,
                     };
-                    let read = of_reference.imu[at] - acts.imu[at];
-                    let moves = if late_s == 0.0 { 0.0 } else { row.by_state.rows(0, n).dot(&self.rates) };
-                    *slot = (read + moves * late_s) / other.step;
+                    *slot = (less[at] + moves(row, late_s)) / other.step;
                 }
                 continue;
             }
@@ -269,21 +282,20 @@ impl<'a> Columns<'a> {
                 continue;
             }
             let varied = read(&other.with.plant);
-            for ((slot, row), varied) in column.iter_mut().zip(rows).zip(&varied) {
+            for ((slot, row), varied) in slots.iter_mut().zip(rows).zip(&varied) {
                 let late_s = match row.component.channel {
                     Channel::Gyro => other.late_s[0],
                     Channel::Accelerometer => other.late_s[1],
                     _ => 0.0,
                 };
-                let moves = row.by_state.rows(0, self.rates.len()).dot(&self.rates);
-                *slot = (varied.value - row.value + moves * late_s) / other.step;
+                *slot = (varied.value - row.value + moves(row, late_s)) / other.step;
             }
         }
         found
     }
 
     /// The change of an innovation `value` with the parameters; `direct` is the part that is not by the state, `changed` what the
-    /// readings of the same instant have changed already.
+    /// readings of the same instant have changed already, parameters by coordinates.
     pub fn of_innovation(
         &self,
         row: &Row,
@@ -291,11 +303,10 @@ impl<'a> Columns<'a> {
         position: usize,
         changed: &DMatrix<f64>,
     ) -> DVector<f64> {
-        let mut d = DVector::from(direct.row(position).transpose());
+        let mut d = direct.column(position).into_owned();
         for (i, h) in row.by_state.iter().enumerate().filter(|(_, h)| **h != 0.0) {
-            for k in 0..d.len() {
-                d[k] -= h * (self.of_state[(i, k)] + changed[(i, k)]);
-            }
+            d.axpy(-h, &self.of_state.column(i), 1.0);
+            d.axpy(-h, &changed.column(i), 1.0);
         }
         d
     }
@@ -319,7 +330,7 @@ impl<'a> Columns<'a> {
 
     /// The start learns of an innovation.
     pub fn learn(&mut self, gain: DVectorView<'_, f64>, d: &DVector<f64>) {
-        self.of_start.ger(1.0, &gain, d, 1.0);
+        self.of_start.ger(1.0, d, &gain, 1.0);
     }
 
     /// The state changes by what was read.
@@ -335,40 +346,5 @@ impl<'a> Columns<'a> {
     /// How many parameters there are.
     pub fn count(&self) -> usize {
         self.others.len()
-    }
-}
-
-/// Numbers of a matrix that are not zero, with row and column.
-fn entries(matrix: &DMatrix<f64>) -> Vec<(usize, usize, f64)> {
-    let all = matrix.column_iter().enumerate();
-    let of_column = |(k, column): (usize, nalgebra::DVectorView<'_, f64>)| {
-        column.iter().enumerate().filter(|(_, x)| **x != 0.0).map(|(i, x)| (i, k, *x)).collect::<Vec<_>>()
-    };
-    all.flat_map(of_column).collect()
-}
-
-impl<'a> Other<'a> {
-    fn new(case: &Prepared<'a>, varied: &Varied) -> Result<Self, PredictionError> {
-        let with = case.varied(&varied.model)?;
-        let (sensors, of) = (&with.sensors, &case.model().sensors);
-        let late_s = [
-            sensors.gyro.errors.latency_s - of.gyro.errors.latency_s,
-            sensors.accelerometer.errors.latency_s - of.accelerometer.errors.latency_s,
-        ];
-        let behind = with.has_own_low_pass.then(Default::default);
-        let (own, of_case) = (with.plant.gyrostat(), case.plant().gyrostat());
-        let is_stepped =
-            with.has_own_low_pass || !own.model().gyros().is_empty() || !own.has_valves_of(of_case);
-        let turns_vectors = own.model().sensors.vector != of_case.model().sensors.vector;
-        Ok(Self { with, step: varied.step, late_s, behind, is_stepped, turns_vectors, acts: None })
-    }
-
-    fn take_motion_of(&mut self, plant: &Plant, change: &[f64]) {
-        self.with.plant.take_motion_of(plant, change);
-        self.behind.iter().for_each(|behind| self.with.plant.move_behind_filter(behind));
-    }
-
-    fn is_late(&self) -> bool {
-        self.late_s != [0.0; 2]
     }
 }

@@ -216,7 +216,7 @@ impl<'a> Filter<'a> {
         let time_s = self.plant.now_ns() as f64 * 1e-9;
         let mut change = DVector::zeros(self.layout.size());
         let parameters = self.columns.as_ref().map_or(0, Columns::count);
-        let mut changed = DMatrix::zeros(self.layout.size(), parameters);
+        let mut changed = DMatrix::zeros(parameters, self.layout.size());
         for (position, row) in rows.iter().enumerate() {
             let a = product(&self.covariance, &row.by_state);
             let s = row.by_state.dot(&a) + row.variance;
@@ -246,7 +246,7 @@ impl<'a> Filter<'a> {
             let sensitivity = self.columns.as_mut().zip(direct).map(|(columns, direct)| {
                 let d = columns.of_innovation(row, direct, position, &changed);
                 columns.add(&d, value, s);
-                changed.ger(1.0, &gain, &d, 1.0);
+                changed.ger(1.0, &d, &gain, 1.0);
                 d
             });
             if let Some(origin) = &mut self.origin {

@@ -5,11 +5,11 @@ use rayon::prelude::*;
 use whorl_dynamics::PlatformModel;
 use whorl_recording::Recording;
 
-use crate::columns::Varied;
 use crate::error::PredictionError;
 use crate::fitted::LARGEST_MISFIT;
 use crate::levels::{Followed, follow, follow_again, stands};
 use crate::noise::Noise;
+use crate::other::Varied;
 use crate::parameter::Parameter;
 use crate::passes::{Passes, pass};
 use crate::prepared::Prepared;

@@ -2,11 +2,12 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::columns::{Columns, Sums, Varied};
+use crate::columns::{Columns, Sums};
 use crate::error::PredictionError;
 use crate::filter::Filter;
 use crate::likelihood::Likelihood;
 use crate::noise::Noise;
+use crate::other::Varied;
 use crate::parameter::Parameter;
 use crate::prepared::Prepared;
 use crate::start::Start;

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::filter::Filter;
 use crate::linearisation::{Place, linearised};
-use crate::transition::{Step, added, fastest_rate_1_s, transition};
+use crate::transition::{Step, add_product_transposed, added, fastest_rate_1_s, transition};
 
 impl Filter<'_> {
     /// d/dt of the error of what moves.
@@ -203,16 +203,5 @@ fn grow(p: &mut DMatrix<f64>, phi: &DMatrix<f64>, noise: Option<&DMatrix<f64>>, 
     }
     for i in m..n {
         p[(i, i)] += walked[i - m];
-    }
-}
-
-/// to += A F^T with the first columns of A, as many as F has. Most numbers of a transition are zero, which a product of whole
-/// matrices does not know.
-fn add_product_transposed(to: &mut DMatrix<f64>, a: &DMatrix<f64>, phi: &DMatrix<f64>) {
-    for (k, of_column) in phi.column_iter().enumerate() {
-        let from = a.column(k);
-        for (i, factor) in of_column.iter().enumerate().filter(|(_, x)| **x != 0.0) {
-            to.column_mut(i).axpy(*factor, &from, 1.0);
-        }
     }
 }

@@ -2,10 +2,11 @@
 
 use nalgebra::DVector;
 
-use crate::columns::{Columns, Varied};
+use crate::columns::Columns;
 use crate::error::PredictionError;
 use crate::filter::{Filter, Innovation};
 use crate::noise::Noise;
+use crate::other::Varied;
 use crate::prepared::Prepared;
 use crate::start::Start;
 

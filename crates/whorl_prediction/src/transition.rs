@@ -106,3 +106,14 @@ pub(crate) fn fastest_rate_1_s(a: &DMatrix<f64>) -> f64 {
     }
     fastest
 }
+
+/// to += A F^T with the first columns of A, as many as F has. Most numbers of a transition are zero, which a product of whole
+/// matrices does not know.
+pub(crate) fn add_product_transposed(to: &mut DMatrix<f64>, a: &DMatrix<f64>, phi: &DMatrix<f64>) {
+    for (k, of_column) in phi.column_iter().enumerate() {
+        let from = a.column(k);
+        for (i, factor) in of_column.iter().enumerate().filter(|(_, x)| **x != 0.0) {
+            to.column_mut(i).axpy(*factor, &from, 1.0);
+        }
+    }
+}

@@ -24,6 +24,19 @@ const CORRELATED: f64 = 0.8;
 /// A turn in a window that the gyro indicates and no other sensor confirms \[rad\].
 const CLAIMED_RAD: f64 = 0.05;
 
+/// What a sensor of directions sees of turns, beside the gyro.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SeenTurns {
+    /// What it is.
+    pub sensor: &'static str,
+    /// How far it turns, over what the gyro says \[1\].
+    pub ratio: f64,
+    /// How alike both are \[-1, 1\].
+    pub correlation: f64,
+    /// What the gyro says, RMS over half a second \[rad\].
+    pub claimed_rad: f64,
+}
+
 impl Recording {
     /// One sentence for each contradiction: a frozen sensor, a time, rate or speed in a wrong unit, a reversed
     /// axis. Nothing can be explained by such a recording.
@@ -63,54 +76,42 @@ impl Recording {
 
     /// Compares the turns of measured directions with those from the gyro.
     fn gyro_unit(&self) -> Option<String> {
-        let force = averaged(&self.specific_force_b_m_s2, 0.1);
-        let seen = self.vectors.iter().map(|v| (&v.direction_b, "vector sensor"));
-        seen.chain([(&force, "accelerometer")]).find_map(|(directions, name)| {
-            let turns = Turns::of(directions, &self.gyro_b_rad_s)?;
-            let (ratio, correlation) = (turns.seen / turns.claimed, turns.correlation);
+        self.turns_seen().into_iter().find_map(|SeenTurns { sensor, ratio, correlation, claimed_rad }| {
             if ratio > FACTOR && correlation > CORRELATED {
                 Some(format!(
-                    "The {name} turns {ratio:.0} times as far as the gyro says: is the gyro's unit right? (rad/s taken for deg/s: 57 times.)"
+                    "The {sensor} turns {ratio:.0} times as far as the gyro says: is the gyro's unit right? (rad/s taken for deg/s: 57 times.)"
                 ))
-            } else if ratio < 1.0 / FACTOR && turns.claimed > CLAIMED_RAD {
+            } else if ratio < 1.0 / FACTOR && claimed_rad > CLAIMED_RAD {
                 Some(format!(
-                    "The gyro says that the platform turns {:.0} times as far as the {name} sees: is the gyro's unit right? (deg/s taken for rad/s: 57 times.)",
+                    "The gyro says that the platform turns {:.0} times as far as the {sensor} sees: is the gyro's unit right? (deg/s taken for rad/s: 57 times.)",
                     1.0 / ratio
                 ))
             } else if correlation < -CORRELATED {
-                Some(format!("The gyro and the {name} turn in opposite senses: reverse the signs of one of them in the map."))
+                Some(format!("The gyro and the {sensor} turn in opposite senses: reverse the signs of one of them in the map."))
             } else {
                 None
             }
         })
     }
 
+    /// How far vector sensors and accelerometer turn within half a second, beside what the gyro says; of sensors that can be
+    /// compared.
+    #[must_use]
+    pub fn turns_seen(&self) -> Vec<SeenTurns> {
+        let force = averaged(&self.specific_force_b_m_s2, 0.1);
+        let seen = self.vectors.iter().map(|v| (&v.direction_b, "vector sensor"));
+        let compared = seen.chain([(&force, "accelerometer")]).filter_map(|(directions, sensor)| {
+            let turns = Turns::of(directions, &self.gyro_b_rad_s)?;
+            let ratio = turns.seen / turns.claimed;
+            Some(SeenTurns { sensor, ratio, correlation: turns.correlation, claimed_rad: turns.claimed })
+        });
+        compared.collect()
+    }
+
     /// Compares the change of each wheel's speed with what its command can do.
     fn wheel_units(&self, model: &PlatformModel) -> Option<String> {
-        let (speed, command) = (&self.wheel_speed_rad_s, &self.wheel_torque_command_n_m);
-        let (first, last) = (*command.time_s.first()?, *speed.time_s.last()?);
-        model.wheels().iter().enumerate().find_map(|(j, wheel)| {
-            let mut sums = Sums::default();
-            let mut from = speed.time_s.partition_point(|t| *t < first);
-            let mut next = 0;
-            while let Some(&start) = speed.time_s.get(from).filter(|t| **t + 1.0 < last) {
-                let to = speed.time_s.partition_point(|t| *t < start + 1.0);
-                let end = *speed.time_s.get(to)?;
-                let mut impulse = 0.0;
-                let mut at = start;
-                while at < end {
-                    while command.time_s.get(next + 1).is_some_and(|t| *t <= at) {
-                        next += 1;
-                    }
-                    let until = command.time_s.get(next + 1).copied().unwrap_or(end).min(end);
-                    impulse += command.value.get(next)?.get(j)? * (until - at);
-                    at = until;
-                }
-                let change = speed.value.get(to)?.get(j)? - speed.value.get(from)?.get(j)?;
-                sums.add(change, impulse / wheel.spin_inertia_kg_m2);
-                from = to;
-            }
-            let (ratio, correlation) = sums.ratio_and_correlation()?;
+        self.wheel_responses(model).into_iter().zip(model.wheels()).find_map(|(response, wheel)| {
+            let (ratio, correlation) = response?;
             if correlation.abs() < CORRELATED || (1.0 / 4.0..4.0).contains(&ratio) {
                 // Opposite senses are left to the diagnosis: a motor may be wired in reverse.
                 return None;
@@ -120,6 +121,40 @@ impl Recording {
                 wheel.name
             ))
         })
+    }
+
+    /// How much each wheel's speed changes in a second, over what its commanded torque does to the model's inertia, and how alike
+    /// both are \[-1, 1\]; `None` of a wheel without enough of both.
+    #[must_use]
+    pub fn wheel_responses(&self, model: &PlatformModel) -> Vec<Option<(f64, f64)>> {
+        let inertias = model.wheels().iter().map(|wheel| wheel.spin_inertia_kg_m2);
+        inertias.enumerate().map(|(j, inertia_kg_m2)| self.wheel_response(j, inertia_kg_m2)).collect()
+    }
+
+    fn wheel_response(&self, j: usize, spin_inertia_kg_m2: f64) -> Option<(f64, f64)> {
+        let (speed, command) = (&self.wheel_speed_rad_s, &self.wheel_torque_command_n_m);
+        let (first, last) = (*command.time_s.first()?, *speed.time_s.last()?);
+        let mut sums = Sums::default();
+        let mut from = speed.time_s.partition_point(|t| *t < first);
+        let mut next = 0;
+        while let Some(&start) = speed.time_s.get(from).filter(|t| **t + 1.0 < last) {
+            let to = speed.time_s.partition_point(|t| *t < start + 1.0);
+            let end = *speed.time_s.get(to)?;
+            let mut impulse = 0.0;
+            let mut at = start;
+            while at < end {
+                while command.time_s.get(next + 1).is_some_and(|t| *t <= at) {
+                    next += 1;
+                }
+                let until = command.time_s.get(next + 1).copied().unwrap_or(end).min(end);
+                impulse += command.value.get(next)?.get(j)? * (until - at);
+                at = until;
+            }
+            let change = speed.value.get(to)?.get(j)? - speed.value.get(from)?.get(j)?;
+            sums.add(change, impulse / spin_inertia_kg_m2);
+            from = to;
+        }
+        sums.ratio_and_correlation()
     }
 }
 

@@ -23,13 +23,14 @@ mod tests;
 mod write;
 
 pub use component::Component;
+pub use consistency::SeenTurns;
 pub use csv::{
     ExportedCsv, ImportedCsv, column_names, export_csv, platform_parts, read_csv, read_csv_beginning,
 };
 pub use error::RecordingError;
 pub use memory::{Circumstances, JetPulses, Samples, recording_of};
-pub use model::{KnownPlatform, load_effects, read_model};
-pub use read::{ReadOptions, read_run, read_run_with};
+pub use model::{KnownPlatform, load_effects, read_model, usual_rate_hz};
+pub use read::{ReadOptions, nothing_in, read_run, read_run_with};
 pub use recording::{Mounting, OnInterval, Recording, TrueMotion, VectorChannel};
 pub use series::{ChannelSeries, Series};
 pub use whorl_bag::{Channel, ChannelInfo, Form};

@@ -17,6 +17,7 @@
     history.replaceState(null, "", location.pathname);
   }
   const token = sessionStorage.getItem("token");
+  by("answer").textContent = token ? "" : "read-only: the address that whorl live printed, with its token, commands";
   for (const id of ["start", "hold", "abort"]) {
     by(id).hidden = !token;
     by(id).addEventListener("click", async () => {
@@ -73,7 +74,8 @@
 
   let wait = 250;
   const connect = () => {
-    const socket = new WebSocket(`ws://${location.host}/frames`);
+    // Who knows the token keeps a place where there are many others.
+    const socket = new WebSocket(`ws://${location.host}/frames`, token ? ["whorl", token] : ["whorl"]);
     socket.onopen = () => { wait = 250; by("connection").textContent = "live"; };
     socket.onmessage = (message) => {
       latest = JSON.parse(message.data);

@@ -160,14 +160,16 @@
     ctx.restore();
   }
 
+  // What stands for zero on a logarithmic axis, and the least that is drawn there, over the largest.
+  const [ZERO, LEAST] = [1e-300, 1e-5];
   // Values and limits together; limits only where they are near the values.
   function yRange(spec) {
     return (u, low, high) => {
       if (spec.log) {
         if (low === null) return [0.1, 1];
-        // Curves end at the floor, if there is one.
-        low = Math.max(low, spec.floor || 0);
-        high = Math.max(high, low);
+        // An error that passes through zero does not decide how far down the axis goes.
+        low = Math.max(low, high * LEAST);
+        if (!(low > ZERO)) return [0.1, 1];
         const near = (spec.limits || []).map((l) => l.v).filter((v) => v > low / 30 && v < high * 30);
         return uPlot.rangeLog(Math.min(low, ...near), Math.max(high, ...near), 10, false);
       }
@@ -189,7 +191,7 @@
 
   // One table of all curves: undefined where a curve has no point of its own, which its line passes over.
   function aligned(spec) {
-    const usable = (v) => (v === null || (spec.log && v <= 0) ? null : v);
+    const usable = (v) => (spec.log && v !== null && v <= 0 ? ZERO : v);
     const tables = spec.curves.map((c) => [c.x, c.y.map(usable)]);
     return tables.length > 1 ? uPlot.join(tables) : tables[0] || [[], []];
   }
@@ -206,7 +208,7 @@
     return x[index] - x[before] < x[after] - x[index] ? before : after;
   }
 
-  const shown = (v) => (v == null ? "–" : Math.abs(v) >= 1e5 || (v !== 0 && Math.abs(v) < 1e-3) ? v.toExponential(2) : String(+v.toPrecision(4)));
+  const shown = (v) => (v == null ? "–" : v === ZERO ? "0" : Math.abs(v) >= 1e5 || (v !== 0 && Math.abs(v) < 1e-3) ? v.toExponential(2) : String(+v.toPrecision(4)));
 
   // At the marks of an axis, in as few digits as say it; null: a mark of a logarithmic axis without a number.
   const marked = (u, values) => values.map((v) => (v == null ? null : shown(v).replace(/\.?0+e/, "e")));

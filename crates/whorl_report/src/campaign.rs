@@ -7,6 +7,8 @@ use crate::document::{Document, right, text};
 use crate::figure::Figure;
 use crate::series::Curve;
 
+/// The strongest colour is for cells that differ by at least this share of the largest \[1\].
+const FULL_COLOUR: f64 = 0.25;
 /// Strongest colour of a heat map: text stays readable on it, in light and dark.
 const STRONGEST_PERCENT: f64 = 45.0;
 
@@ -151,7 +153,9 @@ impl Sweep {
         let finite = || self.groups.iter().map(median).filter(|m| m.is_finite());
         let (low, high) =
             (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max));
-        let share = |m: f64| if high > low { (m - low) / (high - low) } else { 0.0 };
+        // Medians that hardly differ are hardly coloured: the strongest colour is a difference that matters.
+        let span = (high - low).max(FULL_COLOUR * low.abs().max(high.abs()));
+        let share = |m: f64| if span > 0.0 { (m - low) / span } else { 0.0 };
         let [columns, rows] = [across, down].map(|k| &self.axes[k]);
         let cell = |members: &[&SweptGroup], column: &str, row: &str| {
             let at = |g: &&&SweptGroup| g.labels[across] == column && g.labels[down] == row;
@@ -170,7 +174,7 @@ impl Sweep {
                 html! {
                     div class="wide" {
                         table class="heat" {
-                            caption { "Median of " (meaning) ": " (label) }
+                            caption { "Median of " (meaning) ": " (label) " (from " (three_digits(low)) " to " (three_digits(high)) ")" }
                             tr { td {} th class="n" colspan=(columns.labels.len()) { (columns.name) } }
                             tr {
                                 th { (rows.name) }

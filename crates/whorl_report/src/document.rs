@@ -12,6 +12,7 @@ use whorl_math::three_digits;
 
 use crate::assets;
 use crate::figure::Figure;
+use crate::siblings;
 use crate::timeline::Timeline;
 use crate::times::Interval;
 
@@ -101,6 +102,7 @@ impl Document {
                 }
                 body {
                     h1 { (self.title) }
+                    (PreEscaped(siblings::MARKS[0])) (PreEscaped(siblings::MARKS[1]))
                     @if self.headings.len() > 2 {
                         nav class="contents" aria-label="Contents" {
                             @for (id, text) in &self.headings { a href=(format!("#{id}")) { (text) } " " }

@@ -79,6 +79,14 @@ pub fn happenings(run: &RunData) -> Vec<Happening> {
 }
 
 fn diagnostics(run: &RunData, add: &mut impl FnMut(f64, &str, String, bool)) {
+    let all = || {
+        run.diagnostics.iter().flat_map(|array| array.message.status.iter().map(move |s| (array.stamp_s, s)))
+    };
+    // What a node says before it is well for the first time is its start.
+    let mut well_from_s = std::collections::BTreeMap::new();
+    for (time_s, status) in all().filter(|(_, status)| status.level == DiagnosticStatus::OK) {
+        well_from_s.entry(status.name.clone()).or_insert(time_s);
+    }
     let mut level = std::collections::BTreeMap::new();
     for array in &run.diagnostics {
         for status in &array.message.status {
@@ -90,8 +98,11 @@ fn diagnostics(run: &RunData, add: &mut impl FnMut(f64, &str, String, bool)) {
                     DiagnosticStatus::ERROR => "error",
                     _ => "stale",
                 };
+                let starts = status.level == DiagnosticStatus::WARN
+                    && well_from_s.get(&status.name).is_some_and(|well_s| array.stamp_s < *well_s);
+                let word = if starts { "at the start" } else { word };
                 let what = format!("diagnostics {word}: {}", status.message);
-                add(array.stamp_s, &status.name, what, status.level != DiagnosticStatus::OK);
+                add(array.stamp_s, &status.name, what, status.level != DiagnosticStatus::OK && !starts);
             }
         }
     }

@@ -301,14 +301,18 @@ impl PlatformData {
             self.failed_jets.push((time_s, m.jet_failed.clone()));
         }
         self.last_status_s = time_s;
-        self.numbers.gas_used_kg = m.gas_used_kg;
+        // Control counts what it commands. From an empty tank nothing flows.
+        if self.tank.empty_since_s().is_none() || self.numbers.gas_used_kg.is_nan() {
+            self.numbers.gas_used_kg = m.gas_used_kg;
+        }
+        let gas_used_kg = self.numbers.gas_used_kg;
         self.numbers.allocation_fallbacks = m.allocation_fallbacks;
         if !self.numbers_only {
             self.tilt.push(time_s, deg_from_rad(m.tilt_rad));
             push3(&mut self.control_error, time_s, deg_from_rad(1.0), m.attitude_error_b_rad);
             push3(&mut self.torque, time_s, 1e3, m.torque_achieved_b_n_m);
             push3(&mut self.torque_asked, time_s, 1e3, m.torque_commanded_b_n_m);
-            self.gas.push(time_s, m.gas_used_kg * 1e3);
+            self.gas.push(time_s, gas_used_kg * 1e3);
         }
         window.control.push_back(Status {
             time_s,
@@ -317,7 +321,7 @@ impl PlatformData {
             age_s: m.estimate_age_s,
             alpha: m.alpha,
             momentum: m.wheel_momentum_b_n_m_s.into(),
-            gas_used_kg: m.gas_used_kg,
+            gas_used_kg,
         });
     }
 

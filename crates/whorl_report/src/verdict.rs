@@ -99,7 +99,10 @@ pub fn judge(run: &RunData, summary: &Summary, circumstances: &Circumstances) ->
     match summary.outcome.as_str() {
         // One that nobody started is a recording.
         "finished" | "ready" => {}
-        "aborted" => reasons.push("the experiment was aborted".to_owned()),
+        "aborted" => reasons.push(match aborted_for(run) {
+            Some(why) => format!("the experiment was aborted: {why}"),
+            None => "the experiment was aborted".to_owned(),
+        }),
         phase => reasons.push(format!("the experiment did not end: it was in phase {phase}")),
     }
     let mut fault = |seconds: f64, what: &str| {
@@ -198,6 +201,13 @@ pub fn measured(platform: &PlatformSummary, key: &str) -> Option<(f64, &'static 
         "latency_ms" => (platform.sensor_to_command_p99_s * 1e3, "sensor to command", "ms (99 %)"),
         _ => return None,
     })
+}
+
+/// Why the experiment was aborted, as the coordinator said last.
+fn aborted_for(run: &RunData) -> Option<&str> {
+    let said = run.diagnostics.iter().rev().flat_map(|array| &array.message.status);
+    said.filter(|status| status.name.ends_with(": experiment"))
+        .find_map(|status| status.message.strip_prefix("aborted: "))
 }
 
 fn clipped_s(run: &RunData) -> f64 {

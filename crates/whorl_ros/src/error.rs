@@ -48,7 +48,17 @@ pub enum RosError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// Nobody answered.
+    /// Nobody serves it.
+    #[error(
+        "nobody was found within {seconds} s who serves {service}: does that node run, in this ROS_DOMAIN_ID?"
+    )]
+    NoServer {
+        /// The service.
+        service: String,
+        /// How long it was looked for \[s\].
+        seconds: f64,
+    },
+    /// A service that is there does not answer.
     #[error("no answer from {service} within {seconds} s")]
     NoAnswer {
         /// Name of the service.

@@ -29,6 +29,7 @@ pub mod environment;
 mod error;
 mod graph;
 mod handshakes;
+mod launcher;
 mod listener;
 mod log;
 mod memory;

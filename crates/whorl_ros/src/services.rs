@@ -198,7 +198,7 @@ impl ServiceClient {
     /// Calls the service; waits for the server and its answer up to `timeout`.
     ///
     /// # Errors
-    /// [`RosError::NoAnswer`], or when DDS fails.
+    /// [`RosError::NoServer`], [`RosError::NoAnswer`], or when DDS fails.
     pub fn call<Q: Serialize, A: DeserializeOwned>(
         &self,
         participant: &Participant,
@@ -210,7 +210,8 @@ impl ServiceClient {
         let no_answer = || RosError::NoAnswer { service: self.name.clone(), seconds: timeout.as_secs_f64() };
         while !self.server_is_there(participant) {
             if Instant::now() > deadline {
-                return Err(no_answer());
+                let (service, seconds) = (self.name.clone(), timeout.as_secs_f64());
+                return Err(RosError::NoServer { service, seconds });
             }
             std::thread::sleep(pause);
         }

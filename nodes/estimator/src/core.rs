@@ -193,8 +193,23 @@ impl EstimatorCore {
             FilterEvent::HeadingForgotten => {
                 (LogLevel::Warn, "heading restarted: the vector sensor kept disagreeing with it")
             }
+            FilterEvent::VectorContradicted => (
+                LogLevel::Error,
+                "the vector sensor turns against the gyro and is used no more: the heading is not known",
+            ),
+            FilterEvent::AccelerometerContradicted => (
+                LogLevel::Error,
+                "the accelerometer turns against the gyro and is used no more: the inclination is not known",
+            ),
         };
-        outputs.log(level, format!("{}: {text}", self.parameters.name));
+        let axes = match event {
+            FilterEvent::VectorContradicted => self.filter.contradictions().last(),
+            FilterEvent::AccelerometerContradicted => self.filter.contradictions().first(),
+            _ => None,
+        };
+        let axes =
+            axes.and_then(Option::as_ref).map(|found| format!(" ({found}, or the gyro's axes are wrong)"));
+        outputs.log(level, format!("{}: {text}{}", self.parameters.name, axes.unwrap_or_default()));
     }
 
     fn diagnostics(&mut self, now: Timestamp, outputs: &mut Outputs) {
@@ -216,6 +231,14 @@ impl EstimatorCore {
             key: "gyro samples at the end of its range".to_owned(),
             value: self.filter.clipping().count().to_string(),
         });
+        for (sensor, found) in ["accelerometer", "vector sensor"].iter().zip(self.filter.contradictions()) {
+            if let Some(found) = found {
+                values.push(KeyValue {
+                    key: format!("{sensor} is not used: it turns against the gyro"),
+                    value: found.to_string(),
+                });
+            }
+        }
         values.push(KeyValue { key: "samples ahead of the clock".to_owned(), value: self.ahead.to_string() });
         let runs = self.filter.chosen_filter_runs();
         values.push(KeyValue {

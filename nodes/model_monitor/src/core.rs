@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 use whorl_monitoring::predictor::Supplies;
-use whorl_monitoring::{Fit, Monitor, MonitorError, State};
+use whorl_monitoring::{Fit, Hole, Monitor, MonitorError, State};
 use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::topics::{Message, Route, Topic};
@@ -80,6 +80,7 @@ impl ModelMonitorCore {
                     monitor.pause();
                 } else {
                     self.controlled_at = Some(now);
+                    monitor.on_controlled(stamp_ns);
                 }
             }
             _ if self.controlled_at.is_none() => {}
@@ -87,7 +88,9 @@ impl ModelMonitorCore {
             Message::JointState(state) if route.topic == Topic::WheelState => {
                 monitor.on_wheels(stamp_ns, &state.velocity, &state.effort);
             }
-            Message::ThrusterState(state) => monitor.on_valves(stamp_ns, &state.valve_open, &state.on_time_s),
+            Message::ThrusterState(state) => {
+                monitor.on_valves(stamp_ns, &state.valve_open, &state.total_on_time_s);
+            }
             Message::Vector3Stamped(moment) if route.topic == Topic::BallastMoment => {
                 monitor.on_ballast(stamp_ns, &moment.vector.into());
             }
@@ -133,8 +136,10 @@ impl ModelMonitorCore {
             ..ModelFit::default()
         };
         self.sequence += 1;
+        let (mut hole, mut holes) = (None, 0);
         if let Some(monitor) = &mut self.monitor {
             let fit = monitor.fit(now.0);
+            (hole, holes) = (fit.hole, fit.holes);
             fill(&mut message, &fit);
             if fit.state != self.state {
                 let level = if fit.state == State::Mismatch { LogLevel::Warn } else { LogLevel::Info };
@@ -146,20 +151,22 @@ impl ModelMonitorCore {
         }
         if self.next_diagnostics.is_none_or(|due| now >= due) {
             self.next_diagnostics = Some(now + DIAGNOSTICS_PERIOD);
-            outputs.publish(Route::shared(Topic::Diagnostics), self.diagnostics(now, &message));
+            outputs.publish(Route::shared(Topic::Diagnostics), self.diagnostics(now, &message, hole, holes));
         }
         outputs.publish(self.route(Topic::ModelFit), message);
     }
 
-    fn diagnostics(&self, now: Timestamp, fit: &ModelFit) -> DiagnosticArray {
+    fn diagnostics(&self, now: Timestamp, fit: &ModelFit, hole: Option<Hole>, holes: u64) -> DiagnosticArray {
+        let waits = hole.map(|hole| format!("{}: {hole}", fit.in_words()));
         let values = [
             ("evidence against the model [nats]", fit.ln_evidence),
             ("evidence that is a mismatch [nats]", fit.ln_limit),
+            ("times that data were late, lost or in disorder", holes as f64),
         ];
         let status = DiagnosticStatus {
             level: if self.state == State::Mismatch { DiagnosticStatus::WARN } else { DiagnosticStatus::OK },
             name: format!("{}: model_monitor", self.parameters.name),
-            message: self.why_not.clone().unwrap_or_else(|| fit.in_words()),
+            message: self.why_not.clone().or(waits).unwrap_or_else(|| fit.in_words()),
             hardware_id: self.parameters.name.clone(),
             values: values
                 .iter()

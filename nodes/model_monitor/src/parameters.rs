@@ -106,6 +106,12 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
             range(0.0..=3600.0),
             "that noise is learned in the first so many seconds that are watched; 0: it is as said [s]",
         ),
+        systematic_sigma: r.f64_or(
+            "systematic_sigma",
+            d.systematic_sigma,
+            range(0.0..=1.0),
+            "whitened readings may be off by this always: evidence that such an error explains is none [standard deviations]",
+        ),
         constants_time_s: r.f64_or(
             "constants_time_s",
             d.constants_time_s,

@@ -3,8 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
-use whorl_math::words::or_did_you_mean;
+use whorl_math::words::{or_did_you_mean, shortened};
 use whorl_params::ParameterErrors;
+
+/// Characters of a cell that are shown.
+const LONGEST: usize = 60;
+/// Characters of the names of all columns that are shown.
+const LONGEST_HEADER: usize = 2000;
 
 /// Errors of CSV files. They name file, line (from 1, the header is line 1) and column.
 #[derive(Debug, Error)]
@@ -35,7 +40,7 @@ pub enum CsvError {
     /// A column that the map names is not in the file.
     #[error(
         "{}:1: there is no column `{column}`; there are: {}{}", path.display(),
-        if present.is_empty() { "none" } else { present.as_str() },
+        if present.is_empty() { "none".into() } else { shortened(present, LONGEST_HEADER) },
         or_did_you_mean(column, present.split(", "))
     )]
     MissingColumn {
@@ -49,7 +54,7 @@ pub enum CsvError {
     /// A cell that is not a number.
     #[error(
         "{}:{line}: column `{column}`: {} is not a number{hint}", path.display(),
-        if text.is_empty() { "an empty cell".to_owned() } else { format!("`{text}`") }
+        if text.is_empty() { "an empty cell".to_owned() } else { format!("`{}`", shortened(text, LONGEST)) }
     )]
     NotANumber {
         /// The file.
@@ -64,7 +69,7 @@ pub enum CsvError {
         hint: &'static str,
     },
     /// A number that its quantity cannot have.
-    #[error("{}:{line}: column `{column}`: {text} is refused; {allowed}", path.display())]
+    #[error("{}:{line}: column `{column}`: {} is refused; {allowed}", path.display(), shortened(text, LONGEST))]
     Refused {
         /// The file.
         path: PathBuf,

@@ -156,3 +156,39 @@ fn held_values_are_counted_once_without_a_key() {
     let once = read(&MAP.replace("[0, 1, 0]", "[0, 1, 0], repeats: false"), &csv).unwrap();
     assert_eq!(once.rows.iter().filter(|row| row.vectors_b[0].is_some()).count(), 1);
 }
+
+/// Bounds of what is kept, reached: in plain text, compressed and of 16 bits.
+#[test]
+fn lines_and_records_without_end_are_refused() {
+    use std::io::Write as _;
+    let endless = "1,".repeat(6 << 20);
+    let refused = |csv: &[u8]| read(MAP, csv).err().unwrap();
+    for text in [format!("{HEADER}{endless}"), endless.clone(), format!("# {endless}")] {
+        let mut compressed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        compressed.write_all(text.as_bytes()).unwrap();
+        let compressed = compressed.finish().unwrap();
+        let wide: Vec<u8> = [0xff, 0xfe].into_iter().chain(text.bytes().flat_map(|b| [b, 0])).collect();
+        for csv in [text.as_bytes(), &compressed, &wide] {
+            let why = refused(csv);
+            assert!(why.contains("a line is longer than 1 MB") && why.len() < 300, "{why}");
+        }
+    }
+    // A quote that is never closed, behind which every line is in order.
+    let open = format!("{HEADER}\"{}", "0,1,0,0,0,0,1,,,\n".repeat(400_000));
+    let why = refused(open.as_bytes());
+    assert!(why.contains("is a quote not closed?") && why.len() < 300, "{why}");
+    // Comments without end, of lines that are in order.
+    let comments = "# note\n".repeat(1_000_000);
+    assert!(refused(comments.as_bytes()).len() < 300);
+}
+
+#[test]
+fn messages_show_the_beginning_of_what_is_wrong() {
+    let cell = format!("{HEADER}0,{},0,0,0,0,1,,,\n", "x".repeat(900_000));
+    let why = read(MAP, cell).err().unwrap();
+    assert!(why.contains("(900000 characters)") && why.len() < 300, "{why}");
+    let header =
+        format!("{}\n0,1\n", (0..40_000).map(|k| format!("column_{k}")).collect::<Vec<_>>().join(","));
+    let why = read(MAP, header).err().unwrap();
+    assert!(why.contains("column_0") && why.len() < 2500, "{}", why.len());
+}

@@ -8,6 +8,7 @@ use whorl_params::{ParameterTree, Reader};
 
 use super::error::CsvError;
 use super::jets::{JetMap, JetQuantity, Slot};
+use super::table::NO_COLUMN;
 use super::time::TimeMap;
 use crate::channels::{Channel, Form};
 use crate::units::{self, Unit as ColumnUnit};
@@ -34,6 +35,8 @@ pub struct CsvMap {
     pub time: TimeMap,
     /// Columns of every channel that is axes, wheels or one number.
     pub channels: BTreeMap<Channel, ColumnMap>,
+    /// Angles of encoders, whose rates stand in place of wheels' speeds or a gyro.
+    pub angles: Vec<super::angle::AngleMap>,
     /// Vector sensors, such as magnetometers, in the order of the file.
     pub vectors: Vec<VectorMap>,
     /// Commands of the jets, in the order of the platform's jets.
@@ -53,9 +56,6 @@ pub struct CsvMap {
     /// How late samples of gyro and accelerometer are against their stamps, beyond half the interval that they average \[s\].
     pub imu_latency_s: f64,
 }
-
-/// Stands for the column of an axis that a sensor does not have.
-pub const NO_COLUMN: &str = "~";
 
 /// Columns of one measured quantity. SI value = `factor` * number + `offset`.
 #[derive(Debug, Clone, PartialEq)]
@@ -128,6 +128,7 @@ impl CsvMap {
         let mut map = Self {
             time: r.group("time", super::time::read),
             channels: BTreeMap::new(),
+            angles: Vec::new(),
             vectors: Vec::new(),
             jets: None,
             true_attitude: None,
@@ -141,6 +142,7 @@ impl CsvMap {
         for channel in Channel::ALL {
             map.read_channel(r, *channel, parts);
         }
+        map.read_angles(r, parts);
         map.read_circumstances(r);
         refuse_unknown(r);
         let motion: Vec<&str> = Channel::ALL
@@ -149,7 +151,7 @@ impl CsvMap {
             .filter(|info| info.is_motion)
             .map(|info| info.key)
             .collect();
-        if !map.channels.keys().any(|channel| channel.info().is_motion) {
+        if !Channel::ALL.iter().any(|channel| channel.info().is_motion && map.has(*channel)) {
             let first = motion.first().copied().unwrap_or_default();
             r.reject(first, format!("nothing that moves is named; allowed: one of {}", motion.join(", ")));
         }
@@ -165,6 +167,7 @@ impl CsvMap {
             Form::Attitude => self.true_attitude.is_some(),
             Form::Axes | Form::Wheels { .. } | Form::Gimbals { .. } | Form::Scalar => {
                 self.channels.contains_key(&channel)
+                    || self.angles.iter().any(|angles| angles.channel == channel)
             }
         }
     }
@@ -215,6 +218,28 @@ impl CsvMap {
         });
     }
 
+    /// Angles that stand in place of rates.
+    fn read_angles(&mut self, r: &mut Reader<'_>, parts: Option<&PlatformParts>) {
+        for (key, channel) in super::angle::KEYS {
+            if !r.has(key) {
+                continue;
+            }
+            let rate = channel.info().key;
+            if self.channels.contains_key(&channel) {
+                let at = if channel == Channel::Gyro { "column" } else { "columns" };
+                r.reject(&format!("{key}.{at}"), format!("{rate} is given as well; allowed: one of the two"));
+            }
+            let angles = r.group(key, |r| {
+                let wheels =
+                    parts.map(|parts| Members { of: &parts.platform, what: "wheels", names: &parts.wheels });
+                let columns =
+                    (channel != Channel::Gyro).then(|| counted(r, "angle of each wheel's encoder", wheels));
+                super::angle::read(r, channel, columns)
+            });
+            self.angles.push(angles);
+        }
+    }
+
     /// What a map says that is no channel.
     fn read_circumstances(&mut self, r: &mut Reader<'_>) {
         self.closed_loop = r.bool_or("closed_loop", false, "whether a controller was running");
@@ -259,9 +284,11 @@ fn keys() -> Vec<&'static str> {
         Form::Directions => vec![channel.info().key, SEVERAL],
         _ => vec![channel.info().key],
     });
+    let angles = super::angle::KEYS.iter().map(|(key, _)| *key);
     ["time"]
         .into_iter()
         .chain(channels)
+        .chain(angles)
         .chain(["closed_loop", "mounting", "jets_off", "imu_latency_s", "delimiter", "decimal"])
         .collect()
 }

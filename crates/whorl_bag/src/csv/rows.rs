@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
 
+use super::angle::Rates;
 use super::error::CsvError;
 use super::jets::{JetCommand, JetMap};
-use super::map::{ColumnMap, CsvMap, NO_COLUMN};
-use super::table::{Column, Table};
+use super::map::{ColumnMap, CsvMap};
+use super::table::{Column, NO_COLUMN, Table};
 use super::time::TimeSource;
 use crate::channels::Channel;
 
@@ -54,6 +55,7 @@ pub(super) struct RowReader {
     map: CsvMap,
     time: Clock,
     channels: Vec<(Channel, Columns)>,
+    angles: Vec<Rates>,
     vectors: Vec<[Column; 3]>,
     references: Vec<Option<[Column; 3]>>,
     jets: Option<(JetMap, Vec<Column>)>,
@@ -94,6 +96,7 @@ impl RowReader {
                 TimeSource::Rate { hz } => Clock::Rate(0, *hz),
             },
             channels: map.channels.iter().map(find).collect::<Result<_, _>>()?,
+            angles: map.angles.iter().map(|angles| Rates::find(&table, angles)).collect::<Result<_, _>>()?,
             vectors: map.vectors.iter().map(|v| table.columns(&v.columns)).collect::<Result<_, _>>()?,
             references: map
                 .vectors
@@ -126,6 +129,10 @@ impl RowReader {
         let mut numbers = BTreeMap::new();
         for (channel, columns) in &self.channels {
             numbers.extend(columns.numbers(table)?.map(|values| (*channel, values)));
+        }
+        for angles in &mut self.angles {
+            let channel = angles.channel();
+            numbers.extend(angles.numbers(table, time_ns)?.map(|values| (channel, values)));
         }
         let mut vectors_b = Vec::with_capacity(self.vectors.len());
         let mut vector_lengths = Vec::with_capacity(self.vectors.len());

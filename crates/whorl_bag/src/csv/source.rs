@@ -1,9 +1,16 @@
 //! The text of a CSV file as people write it: comment lines, another encoding, the last line torn.
 
 use std::io::{self, BufRead, BufReader, Read};
+use std::path::Path;
+
+use flate2::bufread::MultiGzDecoder;
+
+use super::error::CsvError;
 
 /// Longest line: a longer one is no line of numbers.
 const LONGEST_LINE: usize = 1 << 20;
+/// Longest record: a quote that is never closed makes one of all lines behind it.
+const LONGEST_RECORD: usize = 4 << 20;
 /// Lines before the header, of comments, that are kept to find it in.
 const LONGEST_PREAMBLE: usize = 10_000;
 
@@ -17,6 +24,8 @@ pub(super) struct Source {
     /// Whether the last line has no end.
     torn: bool,
     ended: bool,
+    /// Bytes that were given out for the present record.
+    given: usize,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -26,9 +35,18 @@ enum Encoding {
 }
 
 impl Source {
+    /// Opens a file, compressed with gzip or not: by its content, because names lie.
+    pub fn open(path: &Path, delimiter: u8) -> Result<Self, CsvError> {
+        let mut file = BufReader::new(whorl_params::open_file(path).map_err(CsvError::io("open", path))?);
+        let compressed = file.fill_buf().map_err(CsvError::io("read", path))?.starts_with(&[0x1f, 0x8b]);
+        let input: Box<dyn Read + Send> =
+            if compressed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
+        Self::new(input, delimiter).map_err(CsvError::io("read", path))
+    }
+
     /// Finds the encoding and the header: the last comment line where the first other line begins with a number, as NumPy's
     /// `savetxt` writes it.
-    pub fn new(input: Box<dyn Read + Send>, delimiter: u8) -> io::Result<Self> {
+    fn new(input: Box<dyn Read + Send>, delimiter: u8) -> io::Result<Self> {
         let mut input = BufReader::with_capacity(1 << 16, input);
         let start = input.fill_buf()?;
         // A byte order mark, or ASCII of which every second byte is zero.
@@ -41,7 +59,8 @@ impl Source {
             _ => (Encoding::Utf8, 0),
         };
         input.consume(mark);
-        let mut source = Self { input, encoding, ready: Vec::new(), read: 0, torn: false, ended: false };
+        let mut source =
+            Self { input, encoding, ready: Vec::new(), read: 0, torn: false, ended: false, given: 0 };
         source.find_header(delimiter)?;
         Ok(source)
     }
@@ -51,10 +70,18 @@ impl Source {
         self.torn
     }
 
+    /// What is read from here on is another record.
+    pub fn begin_record(&mut self) {
+        self.given = 0;
+    }
+
     fn find_header(&mut self, delimiter: u8) -> io::Result<()> {
         let mut text = Vec::new();
         let mut comment: Option<std::ops::Range<usize>> = None;
         for _ in 0..LONGEST_PREAMBLE {
+            if text.len() > LONGEST_RECORD {
+                break;
+            }
             let Some(line) = self.line()? else { break };
             if is_blank(&line) {
                 text.extend(line);
@@ -63,7 +90,8 @@ impl Source {
                 text.extend(line);
             } else {
                 if let Some(found) = comment.filter(|_| begins_with_a_number(&line, delimiter)) {
-                    uncomment(text.get_mut(found).unwrap_or_default());
+                    let signs = comment_signs(text.get(found.clone()).unwrap_or_default());
+                    text.drain(found.start..found.start + signs);
                 }
                 text.extend(line);
                 break;
@@ -87,6 +115,11 @@ impl Source {
             }
             Encoding::Utf16 { little_endian } => self.line_of_units(little_endian, &mut line)?,
         };
+        // A line of 16-bit units has as many bytes, or up to three times as many.
+        if line.len() >= LONGEST_LINE && line.last() != Some(&b'\n') {
+            let why = format!("a line is longer than {} MB: this is no file of numbers", LONGEST_LINE >> 20);
+            return Err(io::Error::new(io::ErrorKind::InvalidData, why));
+        }
         if ended {
             self.ended = true;
             self.torn = !is_blank(&line);
@@ -124,12 +157,17 @@ impl Read for Source {
             self.ready = if is_comment(&line) { without_comments(line) } else { line };
             self.read = 0;
         }
+        if self.given > LONGEST_RECORD {
+            let why = format!("a record is longer than {} MB: is a quote not closed?", LONGEST_RECORD >> 20);
+            return Err(io::Error::new(io::ErrorKind::InvalidData, why));
+        }
         let rest = self.ready.get(self.read..).unwrap_or_default();
         let count = rest.len().min(buffer.len());
         if let (Some(to), Some(from)) = (buffer.get_mut(..count), rest.get(..count)) {
             to.copy_from_slice(from);
         }
         self.read += count;
+        self.given += count;
         Ok(count)
     }
 }
@@ -149,14 +187,9 @@ fn begins_with_a_number(line: &[u8], delimiter: u8) -> bool {
     std::str::from_utf8(cell).is_ok_and(|cell| cell.trim().parse::<f64>().is_ok())
 }
 
-/// The signs of the comment become spaces.
-fn uncomment(line: &mut [u8]) {
-    for byte in line {
-        if !matches!(byte, b'#' | b'%' | b'/' | b' ' | b'\t') {
-            break;
-        }
-        *byte = b' ';
-    }
+/// How many signs of a comment, and spaces, a line begins with: where spaces separate cells, none may stay before the first.
+fn comment_signs(line: &[u8]) -> usize {
+    line.iter().take_while(|byte| matches!(byte, b'#' | b'%' | b'/' | b' ' | b'\t')).count()
 }
 
 /// Comment lines without their text: their ends stay.
@@ -186,7 +219,7 @@ mod tests {
     #[test]
     fn comments_become_empty_lines_and_a_header_among_them_is_found() {
         assert_eq!(read(b"# made by x\nt,a\n1,2\n% pause\n2,3\n"), ("\nt,a\n1,2\n\n2,3\n".into(), false));
-        assert_eq!(read(b"# made by x\n# t,a\n1,2\n"), ("\n  t,a\n1,2\n".into(), false));
+        assert_eq!(read(b"# made by x\n# t,a\n1,2\n"), ("\nt,a\n1,2\n".into(), false));
         assert_eq!(read(b"t,a\n1,2\n2"), ("t,a\n1,2\n2".into(), true));
         assert_eq!(read(b"t,#a\n1,2\n# end"), ("t,#a\n1,2\n".into(), true));
         assert_eq!(read(b""), (String::new(), false));

@@ -2,14 +2,13 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-
-use flate2::bufread::MultiGzDecoder;
 
 use super::error::CsvError;
 use super::source::Source;
+
+/// Stands for the column of an axis that a sensor does not have.
+pub const NO_COLUMN: &str = "~";
 
 /// A CSV file, compressed with gzip or not, of which some columns are read.
 pub(crate) struct Table {
@@ -36,13 +35,7 @@ pub(crate) struct Column {
 
 impl Table {
     pub fn open(path: &Path, delimiter: u8, decimal_comma: bool) -> Result<Self, CsvError> {
-        let file = File::open(path).map_err(CsvError::io("open", path))?;
-        let mut file = BufReader::new(file);
-        // By content, because names lie.
-        let compressed = file.fill_buf().map_err(CsvError::io("read", path))?.starts_with(&[0x1f, 0x8b]);
-        let source: Box<dyn Read + Send> =
-            if compressed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
-        let source = Source::new(source, delimiter).map_err(CsvError::io("read", path))?;
+        let source = Source::open(path, delimiter)?;
         let mut reader =
             ::csv::ReaderBuilder::new().delimiter(delimiter).trim(::csv::Trim::All).from_reader(source);
         let header = reader.headers().map_err(|e| CsvError::format(path, 1, &e))?.clone();
@@ -115,6 +108,7 @@ impl Table {
 
     fn advance_once(&mut self) -> Result<bool, CsvError> {
         let next = self.line + 1;
+        self.reader.get_mut().begin_record();
         let more =
             self.reader.read_record(&mut self.record).map_err(|e| CsvError::format(&self.path, next, &e))?;
         // Where the record begins is before the empty lines that were skipped; where the reader stands now is

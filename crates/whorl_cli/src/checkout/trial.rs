@@ -48,6 +48,11 @@ pub(super) struct Checked {
     pub(super) part: String,
     pub(super) is_right: bool,
     pub(super) said: String,
+    /// Size over the model's, its standard deviation, and what the priors allow it to be off by; `None` where it did nothing or moved
+    /// elsewhere.
+    pub(super) size: Option<f64>,
+    pub(super) stddev: Option<f64>,
+    pub(super) tolerance: Option<f64>,
 }
 
 /// Torques of the wheels that bring the platform to rest, as they were found to answer.

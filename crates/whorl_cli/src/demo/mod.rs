@@ -4,6 +4,7 @@ mod secret;
 mod session;
 
 use std::hash::{BuildHasher, RandomState};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -31,6 +32,8 @@ const SEPARATE: &str = "separate";
 const MODEL: &str = "params/whorl_1.yaml";
 /// The law that is found, as an effect.
 const LAW: &str = "found_law.yaml";
+/// Added to the session's common.yaml.
+const MONITOR_OFF: &str = "\n/**/model_monitor:\n  ros__parameters:\n    enabled: false\n";
 /// Lines that are shown of a command's answer.
 const FEW: usize = 14;
 const MANY: usize = 40;
@@ -80,7 +83,7 @@ pub fn run(command: &Command) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            tell(format_args!("error: {error:#}"));
+            tell(format_args!("error: {}", whorl_commands::in_words(&error)));
             if error.is::<Stopped>() { ExitCode::from(INTERRUPTED) } else { ExitCode::FAILURE }
         }
     }
@@ -103,6 +106,13 @@ fn hidden_effect(arguments: &HiddenEffect, session: &Session) -> anyhow::Result<
         copy_folder(&params.join("demo/effects"), &hidden)?;
         std::fs::remove_dir_all(&known).with_context(|| format!("cannot empty {}", known.display()))?;
     }
+    // The model monitor would tell the secret before anybody asks.
+    let common = session.folder.join("params/common.yaml");
+    std::fs::OpenOptions::new()
+        .append(true)
+        .open(&common)
+        .and_then(|mut file| file.write_all(MONITOR_OFF.as_bytes()))
+        .with_context(|| format!("cannot write {}", common.display()))?;
     std::fs::write(&truth, &secret.truth).with_context(|| format!("cannot write {}", truth.display()))?;
 
     session

@@ -15,6 +15,7 @@ use whorl_msgs::topics::Topic;
 use whorl_ros::environment::Network;
 
 use super::PATIENCE;
+use super::places::Place;
 use crate::output::tell;
 use crate::subscription::Subscription;
 
@@ -109,7 +110,7 @@ struct SubscriptionRequest {
 type Subscriptions = HashMap<u32, u32>;
 
 /// Serves one client until it leaves.
-pub async fn serve(mut socket: WebSocket, feed: Arc<Feed>) {
+pub async fn serve(mut socket: WebSocket, feed: Arc<Feed>, place: Place) {
     let mut samples = feed.samples.subscribe();
     let info = json!({"op": "serverInfo", "name": feed.name, "capabilities": [], "metadata": {}});
     let advertised = json!({"op": "advertise", "channels": feed.channels});
@@ -121,8 +122,12 @@ pub async fn serve(mut socket: WebSocket, feed: Arc<Feed>) {
     let mut subscriptions = Subscriptions::new();
     loop {
         tokio::select! {
+            () = place.is_lost() => return,
             received = socket.recv() => match received {
-                Some(Ok(Message::Text(text))) => apply(&text, feed.channels.len(), &mut subscriptions),
+                Some(Ok(Message::Text(text))) => {
+                    place.heard();
+                    apply(&text, feed.channels.len(), &mut subscriptions);
+                }
                 Some(Ok(Message::Close(_)) | Err(_)) | None => return,
                 Some(Ok(_)) => {}
             },

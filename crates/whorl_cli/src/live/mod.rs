@@ -1,6 +1,7 @@
 //! `whorl live`: the formation in a browser.
 
 mod foxglove;
+mod places;
 mod server;
 mod view;
 
@@ -23,7 +24,8 @@ use whorl_ros::environment::Network;
 
 use crate::output::{say, tell};
 use crate::subscription::Subscription;
-use server::Server;
+use places::Places;
+use server::{BROWSERS, Server};
 use view::View;
 use whorl_commands::shapes::shapes;
 
@@ -103,7 +105,15 @@ async fn serve(arguments: &Arguments) -> anyhow::Result<()> {
     if foxglove.is_some() {
         say!("Foxglove at ws://{address}/foxglove");
     }
-    let server = Arc::new(Server { address, page, frames, token, foxglove });
+    let server = Arc::new(Server {
+        address,
+        page,
+        frames,
+        token,
+        foxglove,
+        browsers: Places::new(BROWSERS),
+        clients: Places::new(BROWSERS),
+    });
     let serving = axum::serve(listener, server::routes(server));
     let stopped = stop_signal()?;
     tokio::select! {

@@ -2,11 +2,15 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::Router;
+use axum::body::Bytes;
 use axum::extract::ws::{Message, Utf8Bytes, WebSocket, WebSocketUpgrade};
 use axum::extract::{DefaultBodyLimit, Request, State};
-use axum::http::header::{AUTHORIZATION, CACHE_CONTROL, CONTENT_SECURITY_POLICY, HOST, ORIGIN};
+use axum::http::header::{
+    AUTHORIZATION, CACHE_CONTROL, CONTENT_SECURITY_POLICY, HOST, ORIGIN, SEC_WEBSOCKET_PROTOCOL,
+};
 use axum::http::{HeaderMap, StatusCode};
 use axum::middleware::{self, Next};
 use axum::response::{Html, IntoResponse, Response};
@@ -16,12 +20,18 @@ use tokio::sync::watch;
 
 use super::PATIENCE;
 use super::foxglove::{self, Feed};
+use super::places::{Place, Places};
 use crate::command::{request_abort, request_hold, request_start};
 
 /// Where Foxglove connects.
 const FOXGLOVE: &str = "/foxglove";
-/// Browsers that are served at the same time.
-const BROWSERS: usize = 32;
+/// Browsers that are served at the same time, and as many clients of Foxglove.
+pub const BROWSERS: usize = 32;
+/// The protocol of the frames. A browser cannot send the token in a header when it opens a WebSocket, but names of protocols: the
+/// token is one of those that it asks for.
+const FRAMES: &str = "whorl";
+/// A browser is asked so often whether it is there.
+const ASK: Duration = Duration::from_secs(5);
 /// Browsers send nothing but a name or a reason.
 const LARGEST_REQUEST: usize = 1024;
 /// Scripts and styles are in the page; nothing else may be loaded or called.
@@ -40,6 +50,9 @@ pub struct Server {
     pub token: Option<String>,
     /// Every topic, if it is served.
     pub foxglove: Option<Arc<Feed>>,
+    /// Who watches the frames, and who has every topic.
+    pub browsers: Arc<Places>,
+    pub clients: Arc<Places>,
 }
 
 /// The routes.
@@ -87,26 +100,58 @@ async fn foxglove(State(server): State<Arc<Server>>, upgrade: WebSocketUpgrade) 
         None => (StatusCode::NOT_FOUND, "start it with: whorl live --foxglove\n").into_response(),
         Some(feed) => {
             let feed = Arc::clone(feed);
+            let Some(place) = server.clients.take(false) else { return all_taken() };
             upgrade
                 .protocols(foxglove::PROTOCOLS)
                 .max_message_size(foxglove::LARGEST_REQUEST)
-                .on_upgrade(move |socket| foxglove::serve(socket, feed))
+                .on_upgrade(move |socket| foxglove::serve(socket, feed, place))
         }
     }
 }
 
-async fn frames(State(server): State<Arc<Server>>, upgrade: WebSocketUpgrade) -> Response {
-    if server.frames.receiver_count() >= BROWSERS {
-        return (StatusCode::SERVICE_UNAVAILABLE, format!("{BROWSERS} browsers are served already\n"))
-            .into_response();
-    }
-    let receiver = server.frames.subscribe();
-    upgrade.max_message_size(LARGEST_REQUEST).on_upgrade(move |socket| stream(socket, receiver))
+fn all_taken() -> Response {
+    (StatusCode::SERVICE_UNAVAILABLE, format!("{BROWSERS} are served already\n")).into_response()
 }
 
-async fn stream(mut socket: WebSocket, mut frames: watch::Receiver<Utf8Bytes>) {
+async fn frames(
+    State(server): State<Arc<Server>>,
+    headers: HeaderMap,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    let operator = server.token.as_ref().is_some_and(|token| asks_with(&headers, token));
+    let Some(place) = server.browsers.take(operator) else { return all_taken() };
+    let receiver = server.frames.subscribe();
+    upgrade
+        .protocols([FRAMES])
+        .max_message_size(LARGEST_REQUEST)
+        .on_upgrade(move |socket| stream(socket, receiver, place))
+}
+
+/// Whether the token is among the protocols that are asked for.
+fn asks_with(headers: &HeaderMap, token: &str) -> bool {
+    let asked = headers.get_all(SEC_WEBSOCKET_PROTOCOL).iter().filter_map(|value| value.to_str().ok());
+    let digest = Sha256::digest(token);
+    asked.flat_map(|value| value.split(',')).any(|name| Sha256::digest(name.trim()) == digest)
+}
+
+async fn stream(mut socket: WebSocket, mut frames: watch::Receiver<Utf8Bytes>, place: Place) {
+    let mut last_ping = tokio::time::Instant::now();
+    let mut last_heard = last_ping;
     loop {
+        if last_heard.elapsed() >= PATIENCE {
+            return;
+        }
+        // Browsers answer by themselves.
+        if last_ping.elapsed() >= ASK {
+            last_ping = tokio::time::Instant::now();
+            let sent = tokio::time::timeout(PATIENCE, socket.send(Message::Ping(Bytes::new()))).await;
+            if !matches!(sent, Ok(Ok(()))) {
+                return;
+            }
+        }
         tokio::select! {
+            () = place.is_lost() => return,
+            () = tokio::time::sleep_until(last_ping + ASK) => {}
             changed = frames.changed() => {
                 let frame = frames.borrow_and_update().clone();
                 let sent = tokio::time::timeout(PATIENCE, socket.send(Message::Text(frame))).await;
@@ -114,8 +159,12 @@ async fn stream(mut socket: WebSocket, mut frames: watch::Receiver<Utf8Bytes>) {
                     return;
                 }
             }
-            received = socket.recv() => if !matches!(received, Some(Ok(_))) {
-                return;
+            received = socket.recv() => match received {
+                Some(Ok(_)) => {
+                    last_heard = tokio::time::Instant::now();
+                    place.heard();
+                }
+                _ => return,
             }
         }
     }
@@ -179,6 +228,14 @@ mod tests {
         let app = headers(&[("host", "localhost:8470"), ("origin", "https://app.example.org")]);
         assert!(refusal(here, &app, true).is_none(), "what is served to apps of other sites");
         assert!(refusal(here, &headers(&[("host", "rebound.example.org:8470")]), true).is_some());
+    }
+
+    #[test]
+    fn an_operator_asks_with_the_token() {
+        let asked = |value: &str| asks_with(&headers(&[("sec-websocket-protocol", value)]), "0a1b");
+        assert!(asked("whorl, 0a1b") && asked("0a1b"));
+        assert!(!asked("whorl") && !asked("whorl, 0a1c") && !asked(""));
+        assert!(!asks_with(&HeaderMap::new(), "0a1b"));
     }
 
     #[test]

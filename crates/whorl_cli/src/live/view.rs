@@ -18,6 +18,10 @@ const STALE_S: f64 = 1.0;
 const FIT_STALE_S: f64 = 3.0;
 /// The innovations of this many last seconds are averaged \[s\].
 const WHITENESS_S: f64 = 5.0;
+/// Diagnostics that are kept, by their names: a formation of eight platforms has some fifty.
+const DIAGNOSED: usize = 256;
+/// Innovations that are kept: 5 s of ten times the usual rate.
+const INNOVATIONS: usize = 5000;
 /// Diagnostics that are shown: the worst, this many.
 const FAULTS: usize = 6;
 
@@ -93,14 +97,18 @@ impl View {
             (_, Message::FormationState(m)) => self.formation = Some((now_s, m)),
             (_, Message::DiagnosticArray(m)) => {
                 for status in m.status {
-                    self.diagnostics.insert(status.name, (status.level, status.message));
+                    if self.diagnostics.len() < DIAGNOSED || self.diagnostics.contains_key(&status.name) {
+                        self.diagnostics.insert(status.name, (status.level, status.message));
+                    }
                 }
             }
             (Some(p), Message::AttitudeEstimate(m)) => {
                 if m.nis.is_finite() && m.nis_dof > 0 {
                     p.innovations.push_back((now_s, m.nis, u32::from(m.nis_dof)));
                 }
-                while p.innovations.front().is_some_and(|(t, ..)| now_s - t > WHITENESS_S) {
+                while p.innovations.len() > INNOVATIONS
+                    || p.innovations.front().is_some_and(|(t, ..)| now_s - t > WHITENESS_S)
+                {
                     p.innovations.pop_front();
                 }
                 p.estimate = Some((now_s, m));

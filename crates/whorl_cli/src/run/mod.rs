@@ -36,7 +36,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
 pub fn exit_code(result: anyhow::Result<u8>) -> ExitCode {
     result.map_or_else(
         |error| {
-            tell(format_args!("error: {error:#}"));
+            tell(format_args!("error: {}", whorl_commands::in_words(&error)));
             ExitCode::from(NOT_STARTED)
         },
         ExitCode::from,
@@ -102,7 +102,7 @@ fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
             if status == 0 && report.verdict.failed() { 1 } else { status }
         }
         Err(error) => {
-            tell(format_args!("error: {error:#}"));
+            tell(format_args!("error: {}", whorl_commands::in_words(&error)));
             say!("verdict: FAILED: there is no complete recording");
             if status == 0 { 1 } else { status }
         }

@@ -30,6 +30,15 @@ pub fn watch(
         if interrupted.yes() {
             return INTERRUPTED;
         }
+        for (label, started) in supervisor.start_due() {
+            match started {
+                Ok(()) => tell(format_args!("warning: {label} was started again")),
+                Err(error) => {
+                    tell(format_args!("error: {label} cannot be started again: {error}"));
+                    return 1;
+                }
+            }
+        }
         match supervisor.ended() {
             // The coordinator at the end of the experiment, which the monitor is about to report, or a driver at the
             // end of its recording.
@@ -68,14 +77,15 @@ fn restarted(supervisor: &mut Supervisor, ended: &Ended) -> bool {
     let Ended { label, status, log } = ended;
     let status = shell_status(*status);
     match supervisor.restart(label) {
-        Ok(true) => {
-            tell(format_args!(
-                "warning: {label} ended with status {status} and was started again ({})",
-                log.display()
-            ));
+        Ok(Some(wait)) => {
+            let again = match wait.as_secs() {
+                0 => "was started again".to_owned(),
+                wait_s => format!("is started again in {wait_s} s, as it ended often"),
+            };
+            tell(format_args!("warning: {label} ended with status {status} and {again} ({})", log.display()));
             true
         }
-        Ok(false) => false,
+        Ok(None) => false,
         Err(error) => {
             tell(format_args!(
                 "error: {label} ended with status {status} and cannot be started again: {error}"

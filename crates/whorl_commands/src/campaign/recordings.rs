@@ -108,7 +108,7 @@ impl RecordingPlan {
         text.push_str(&format!("effects: {}\n", ids.join(", ")));
         for (key, file) in self.files() {
             let content =
-                std::fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
+                whorl_params::read_text(&file).with_context(|| format!("cannot read {}", file.display()))?;
             text.push_str(&format!("# {key}\n{content}\n"));
         }
         text.push_str(&format!("{:#?}\n", self.definition));
@@ -181,7 +181,7 @@ impl RecordingPlan {
             Err(error) => match error.downcast::<answers::Unwritten>() {
                 Ok(error) => return Err(io::Error::other(error)),
                 Err(error) => {
-                    ("failed", here.told(&format!("{error:#}")).replace(['\n', '\r'], " "), Value::Null)
+                    ("failed", here.told(&crate::in_words(&error)).replace(['\n', '\r'], " "), Value::Null)
                 }
             },
         };

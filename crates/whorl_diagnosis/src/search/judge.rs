@@ -9,14 +9,15 @@ use whorl_prediction::{Fitted, Noise, PredictionError, Prepared, Settings, follo
 use whorl_recording::Recording;
 
 use crate::explanations::candidates::effect;
+use crate::explanations::hypothesis::Member;
 use crate::parameters::available::Available;
 use crate::refit::{Entered, Refit};
 use crate::search::Search;
-use crate::search::standing::{Converged, Likelihoods};
+use crate::search::standing::{Converged, Judged, Likelihoods};
 use crate::{DiagnosisError, Progress};
 
 /// Sets that are judged at most, besides that of no effects.
-const MOST_JUDGED: usize = 4;
+const MOST_JUDGED: usize = 6;
 
 /// Recordings show a parameter if they leave it less than this share of its deviation: half a tenth of its information is theirs.
 const UNSHOWN: f64 = 0.975;
@@ -46,7 +47,8 @@ fn numbers(fitted: &Fitted) -> usize {
 }
 
 impl Search<'_> {
-    /// Judges the most probable set beside that of no effects, and the next ones as long as they explain nothing.
+    /// Judges the most probable set beside that of no effects, parts of it while they are more probable, and the next ones as long as they
+    /// explain nothing.
     pub(crate) fn judge(
         &mut self,
         training: &[Recording],
@@ -57,10 +59,7 @@ impl Search<'_> {
         let judge = Judge { training, held_out, available, threads: self.options.threads };
         let mut base: Option<Alone> = None;
         for k in 0..MOST_JUDGED {
-            let Some(most) = self.most_probable().filter(|set| !set.names.is_empty()).cloned() else { break };
-            if most.judged.is_some() {
-                break;
-            }
+            let Some((set, larger)) = self.next_to_judge() else { break };
             let share = 0.85 + 0.1 * k as f64 / MOST_JUDGED as f64;
             progress(Progress { share, doing: "comparing every sample" });
             if base.is_none() {
@@ -68,18 +67,39 @@ impl Search<'_> {
                 let Some((alone, found)) = DiagnosisError::possible(judge.alone(self, &without))? else {
                     break;
                 };
-                self.set_judged(&without, found);
+                self.set_judged(without, Judged { likelihoods: found, weakest: None }, None);
                 base = Some(alone);
             }
             let Some(base) = &base else { break };
             // A set with which no filter can be run is left to its bins.
-            let Some(found) = DiagnosisError::possible(judge.beside(self, &most, base))? else { break };
-            self.set_judged(&most, found);
-            if k + 1 == MOST_JUDGED {
-                self.forget_what_was_not_judged();
-            }
+            let Some(found) = DiagnosisError::possible(judge.beside(self, &set, base))? else { break };
+            self.set_judged(set, found, larger.as_deref());
+        }
+        if base.is_some() && self.most_probable().is_some_and(|most| most.judged.is_none()) {
+            self.forget_what_was_not_judged();
         }
         self.settle_most_probable()
+    }
+
+    /// The most probable set; if it was judged that without its weakest member, and the names of the larger one. What bins of a smoothed motion
+    /// need beside the true effect the samples may do without.
+    fn next_to_judge(&self) -> Option<(Converged, Option<Vec<String>>)> {
+        let most = self.most_probable().filter(|set| !set.names.is_empty())?;
+        let Some(judged) = &most.judged else { return Some((most.clone(), None)) };
+        let weakest = judged.weakest.as_ref().filter(|_| most.names.len() > 1)?;
+        let names: Vec<String> = most.names.iter().filter(|id| *id != weakest).cloned().collect();
+        let known = self.fitted.get(&names).cloned();
+        let set = known.unwrap_or_else(|| {
+            let mut set = Converged { names: names.clone(), judged: None, ..most.clone() };
+            let id = |member: &Member| set.layout.candidates.get(member.candidate).map(|c| c.id);
+            let is_kept = |member: &Member| id(member).is_some_and(|id| names.iter().any(|name| name == id));
+            let members: Vec<Member> = set.members.iter().filter(|m| is_kept(m)).cloned().collect();
+            let ids: Vec<&'static str> = members.iter().filter_map(id).collect();
+            set.members = members;
+            self.keep_only(&mut set.point, &ids);
+            set
+        });
+        set.judged.is_none().then(|| (set, Some(most.names.clone())))
     }
 
     /// Beside sets that were judged none is believed that was not: bins may promise more than the samples hold.
@@ -90,15 +110,20 @@ impl Search<'_> {
         }
     }
 
-    /// Nothing is surer than the samples say.
-    fn set_judged(&mut self, set: &Converged, found: Likelihoods) {
-        let base = self.fitted.get(&Vec::new()).map(|base| (base.judged, base.standing.log_evidence));
-        let Some(set) = self.fitted.get_mut(&set.names) else { return };
-        if let Some((Some(judged), log_evidence)) = base {
-            let most = log_evidence + found.gain(&judged);
+    /// Nothing is surer than the samples say; and a part of a set that was judged is as much less sure than it as they say.
+    fn set_judged(&mut self, mut set: Converged, found: Judged, larger: Option<&[String]>) {
+        let gain_over = |other: Option<&Converged>| {
+            let judged = other.and_then(|other| other.judged.as_ref())?;
+            Some(other?.standing.log_evidence + found.likelihoods.gain(&judged.likelihoods))
+        };
+        let over_base = gain_over(self.fitted.get(&Vec::new()));
+        if let Some(log_evidence) = larger.and_then(|names| gain_over(self.fitted.get(names))) {
+            set.standing.log_evidence = log_evidence;
+        } else if let Some(most) = over_base {
             set.standing.log_evidence = set.standing.log_evidence.min(most);
         }
         set.judged = Some(found);
+        self.fitted.insert(set.names.clone(), set);
     }
 }
 
@@ -118,12 +143,7 @@ impl Judge<'_> {
     }
 
     /// How likely a set beside them makes all recordings at its own likeliest values.
-    fn beside(
-        &self,
-        search: &Search<'_>,
-        set: &Converged,
-        alone: &Alone,
-    ) -> Result<Likelihoods, DiagnosisError> {
+    fn beside(&self, search: &Search<'_>, set: &Converged, alone: &Alone) -> Result<Judged, DiagnosisError> {
         let mut refit = Refit::own(&search.problem.reference, &self.available);
         let own = alone.units.iter().zip(&alone.shown).take(refit.columns.len());
         refit.keep(&alone.shown);
@@ -137,7 +157,15 @@ impl Judge<'_> {
         let shown = own.filter(|(_, shown)| **shown);
         beside.iter_mut().zip(shown).for_each(|(from, (alone, _))| *from = *alone);
         let fitted = self.likeliest(&refit, &[found, beside])?;
-        self.likelihoods(&refit, &fitted.at, fitted.log_evidence, numbers(&fitted))
+        let likelihoods = self.likelihoods(&refit, &fitted.at, fitted.log_evidence, numbers(&fitted))?;
+        // How many deviations an effect is from none.
+        let distance = |id: &str| {
+            let own =
+                refit.columns.iter().enumerate().filter(|(_, column)| column.group == id && !column.is_shape);
+            own.map(|(i, _)| fitted.at[i].abs() / fitted.covariance[(i, i)].sqrt()).fold(0.0, f64::max)
+        };
+        let weakest = set.names.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).cloned();
+        Ok(Judged { likelihoods, weakest })
     }
 
     fn likeliest(&self, refit: &Refit<'_>, starts: &[Vec<f64>]) -> Result<Fitted, DiagnosisError> {

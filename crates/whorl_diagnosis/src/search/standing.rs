@@ -101,15 +101,25 @@ pub(crate) struct Converged {
     /// and of held-out ones.
     pub held_colours: Option<Colours>,
     /// What the filter says of it at the rate of the samples, values integrated out, if it was asked.
-    pub judged: Option<Likelihoods>,
+    pub judged: Option<Judged>,
+}
+
+/// What the filter says of a set.
+#[derive(Debug, Clone)]
+pub(crate) struct Judged {
+    pub likelihoods: Likelihoods,
+    /// The effect that is fewest deviations from none.
+    pub weakest: Option<String>,
 }
 
 impl Converged {
     /// Whether it explains more than a smaller set: bins of the smoothed motion, and the samples themselves where both were asked.
     fn explains_more(&self, smaller: &Self) -> bool {
-        let by_samples = self.judged.zip(smaller.judged);
-        self.standing.likelihoods().explain_more(&smaller.standing.likelihoods())
-            && by_samples.is_none_or(|(set, smaller)| set.explain_more(&smaller))
+        match (&self.judged, &smaller.judged) {
+            // Bins only say what the samples say.
+            (Some(set), Some(smaller)) => set.likelihoods.explain_more(&smaller.likelihoods),
+            _ => self.standing.likelihoods().explain_more(&smaller.standing.likelihoods()),
+        }
     }
 
     /// Log posterior, up to a constant.

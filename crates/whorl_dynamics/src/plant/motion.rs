@@ -53,6 +53,19 @@ impl Plant {
         Acts { rates, imu: seen.imu, derivative: seen.derivative }
     }
 
+    /// What its sensors would read of another plant that acts so now.
+    #[must_use]
+    pub fn imu_of(&self, other: &Self, acts: &Acts) -> SVector<f64, 6> {
+        self.read(other, &other.state, &other.drive, &acts.derivative)
+    }
+
+    /// Whether no jet pushes now: all valves are shut, and thrust follows them at once.
+    #[must_use]
+    pub fn jets_rest(&self) -> bool {
+        let fractions = &self.drive.actuators.jets.valve_fraction;
+        self.gyrostat.thrust_lag().is_none() && fractions.iter().all(|fraction| *fraction == 0.0)
+    }
+
     /// Lets its supplies go on to another instant as they act, where no valve opens or closes until then; it does not move.
     pub fn wait_until(&mut self, time_ns: i64, acts: &Acts) {
         let actuators = &self.gyrostat.model().actuators;

@@ -256,24 +256,36 @@ impl Plant {
     pub(super) fn seen(&self, state: &State, drive: &Drive) -> Seen {
         let (mut forces, mut derivative) = (Forces::default(), Derivative::zero());
         self.gyrostat.derivative(&self.instant(0.0), state, drive, &mut forces, &mut derivative);
+        let imu = self.read(self, state, drive, &derivative);
+        Seen { derivative, imu }
+    }
+
+    /// What its gyro and accelerometer read of a motion that is that of another plant, or of this one.
+    pub(super) fn read(
+        &self,
+        of: &Self,
+        state: &State,
+        drive: &Drive,
+        derivative: &Derivative,
+    ) -> SVector<f64, 6> {
         let mut environment = Environment {
             omega_dot_wb_b_rad_s2: derivative.omega,
-            ..self.gyrostat.environment(self.time_s(), state, drive)
+            ..self.gyrostat.environment(of.time_s(), state, drive)
         };
         environment.vertical_b = whorl_math::vertical_b(&state.q_world_body);
         let sensors = &self.gyrostat.model().sensors;
         let mut imu = self.gyrostat.ideal_imu(&environment);
         // Behind a low-pass a change of the state shows as if it had been so for a while.
         if self.has_filter {
-            let now = self.ideal_imu(&self.state, &Vector3::zeros());
+            let now = self.ideal_imu(&of.state, &Vector3::zeros());
             let changed = self.ideal_imu(state, &Vector3::zeros());
             if sensors.gyro.errors.time_constant_s > 0.0 {
-                imu.angular_velocity_b_rad_s = self.behind_filter.angular_velocity_b_rad_s
+                imu.angular_velocity_b_rad_s = of.behind_filter.angular_velocity_b_rad_s
                     + changed.angular_velocity_b_rad_s
                     - now.angular_velocity_b_rad_s;
             }
             if sensors.accelerometer.errors.time_constant_s > 0.0 {
-                imu.specific_force_b_m_s2 = self.behind_filter.specific_force_b_m_s2
+                imu.specific_force_b_m_s2 = of.behind_filter.specific_force_b_m_s2
                     + changed.specific_force_b_m_s2
                     - now.specific_force_b_m_s2;
             }
@@ -283,7 +295,7 @@ impl Plant {
         let mut read = SVector::<f64, 6>::zeros();
         read.fixed_rows_mut::<3>(0).copy_from(&(gyro.ideal(&imu.angular_velocity_b_rad_s) + gyro.bias));
         read.fixed_rows_mut::<3>(3).copy_from(&(force.ideal(&imu.specific_force_b_m_s2) + force.bias));
-        Seen { derivative, imu: read }
+        read
     }
 }
 

@@ -109,6 +109,7 @@ fn sensors() -> SensorSuite {
         bias_walk: Vector3::zeros(),
         scale: Vector3::zeros(),
         misalignment_rad: Vector3::zeros(),
+        skew_rad: Vector3::zeros(),
         quantum: 0.0,
         range: f64::MAX,
         latency_s: 0.0,

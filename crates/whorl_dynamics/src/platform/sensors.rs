@@ -5,7 +5,7 @@
 
 use nalgebra::{Unit, Vector3};
 
-/// Errors common to three-axis sensors. y = (1 + scale) * misaligned(x) + bias + noise, then
+/// Errors common to three-axis sensors. y = (1 + scale) * skewed(misaligned(x)) + bias + noise, then
 /// saturation, then quantisation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TriaxialErrors {
@@ -21,6 +21,8 @@ pub struct TriaxialErrors {
     pub scale: Vector3<f64>,
     /// Small rotation from body axes to the sensor's own axes \[rad\].
     pub misalignment_rad: Vector3<f64>,
+    /// How much the y axis sees of x, and the z axis of x and of y: axes that are not at right angles \[rad\].
+    pub skew_rad: Vector3<f64>,
     /// Step of the digitised output, >= 0; 0 = none (unit of the sensor).
     pub quantum: f64,
     /// Clips at +- this, > 0 (unit of the sensor).

@@ -5,11 +5,13 @@
 mod history;
 mod low_pass;
 mod scalar;
+mod skew;
 mod triaxial;
 mod vector;
 
 pub(crate) use history::{History, Snapshot};
 pub use low_pass::low_passed;
+pub use skew::{tangled, untangled};
 
 use nalgebra::{Unit, Vector3};
 use whorl_math::GRAVITY_M_S2;

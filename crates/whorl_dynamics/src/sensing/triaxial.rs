@@ -4,13 +4,15 @@ use nalgebra::Vector3;
 use whorl_math::quaternion_exp;
 
 use super::scalar::quantised;
+use super::skew::{tangled, untangled};
 use crate::platform::TriaxialErrors;
 
 impl TriaxialErrors {
     /// What the sensor reads for `truth` in body axes, all in its own unit.
     ///
-    /// y = (1 + scale) * R(m)^T truth + bias + noise, then clipped to +-range, then rounded to the
-    /// quantum; R(m) = exp(misalignment x) turns body axes into sensor axes. `bias` is the whole
+    /// y = (1 + scale) * T R(m)^T truth + bias + noise, then clipped to +-range, then rounded to the
+    /// quantum; R(m) = exp(misalignment x) turns body axes into sensor axes, T is lower triangular with ones on its diagonal and
+    /// below it the skew (T_yx, T_zx, T_zy). `bias` is the whole
     /// bias of the moment (constant, turn-on and walk), `standard_normal` one draw per axis.
     #[must_use]
     pub fn reading(
@@ -24,7 +26,7 @@ impl TriaxialErrors {
         y.map(|x| quantised(x.max(-self.range).min(self.range), self.quantum))
     }
 
-    /// Its reading of `truth` without bias, noise and limits: (1 + scale) * R(m)^T truth.
+    /// Its reading of `truth` without bias, noise and limits: (1 + scale) * T R(m)^T truth.
     #[must_use]
     pub fn ideal(&self, truth: &Vector3<f64>) -> Vector3<f64> {
         let seen = if self.misalignment_rad == Vector3::zeros() {
@@ -32,14 +34,16 @@ impl TriaxialErrors {
         } else {
             quaternion_exp(&self.misalignment_rad).inverse_transform_vector(truth)
         };
+        let seen = tangled(&seen, &self.skew_rad);
         seen + self.scale.component_mul(&seen)
     }
 
     /// What the sensor saw, in body axes, with the known constant errors removed from its reading:
-    /// R(m) ((y - bias) / (1 + scale)). Noise, turn-on bias and walk stay in.
+    /// R(m) T^-1 ((y - bias) / (1 + scale)). Noise, turn-on bias and walk stay in.
     #[must_use]
     pub fn corrected(&self, reading: &Vector3<f64>) -> Vector3<f64> {
         let seen = (reading - self.bias).component_div(&self.scale.map(|s| 1.0 + s));
+        let seen = untangled(&seen, &self.skew_rad);
         if self.misalignment_rad == Vector3::zeros() {
             seen
         } else {
@@ -68,6 +72,9 @@ mod tests {
         assert_eq!(clean().reading(&truth, &bias, &zero), truth + bias);
         let scaled = TriaxialErrors { scale: Vector3::new(0.1, 0.0, -0.5), ..clean() };
         assert!((scaled.reading(&truth, &zero, &zero) - Vector3::new(1.1, -2.0, 0.25)).norm() < 1e-15);
+        // The y axis sees 0.1 of x; the z axis 0.2 of x and -0.3 of y, as they are along the body's axes.
+        let skewed = TriaxialErrors { skew_rad: Vector3::new(0.1, 0.2, -0.3), ..clean() };
+        assert!((skewed.reading(&truth, &zero, &zero) - Vector3::new(1.0, -1.9, 1.3)).norm() < 1e-15);
         let noisy = TriaxialErrors { noise_stddev: Vector3::new(1.0, 2.0, 3.0), ..clean() };
         assert_eq!(noisy.reading(&zero, &zero, &Vector3::repeat(1.0)), Vector3::new(1.0, 2.0, 3.0));
         let clipped = TriaxialErrors { range: 0.75, ..clean() };
@@ -82,6 +89,7 @@ mod tests {
             bias: Vector3::new(0.01, -0.02, 0.03),
             scale: Vector3::new(0.02, -0.01, 0.005),
             misalignment_rad: Vector3::new(0.01, 0.02, -0.03),
+            skew_rad: Vector3::new(-0.02, 0.01, 0.03),
             ..clean()
         };
         let truth = Vector3::new(1.0, -2.0, 0.5);

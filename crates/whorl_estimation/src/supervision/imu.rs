@@ -216,6 +216,9 @@ impl AttitudeBiasEstimator {
         if self.accelerometer.samples.is_frozen(force_b, parameters.frozen_samples) {
             return Some(Rejection::Frozen);
         }
+        if self.contradicted.first().is_some_and(Option::is_some) {
+            return Some(Rejection::Contradicted);
+        }
         let deviation = (force_b.norm() - parameters.gravity_m_s2).abs();
         (deviation > parameters.gravity_tolerance_m_s2).then_some(Rejection::NotGravity)
     }

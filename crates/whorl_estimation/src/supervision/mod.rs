@@ -1,6 +1,7 @@
 //! The attitude-error / gyro-bias estimator, and what supervises every filter: gates, start, late samples, restarts and
 //! health.
 
+mod contradicted;
 mod gravity_window;
 mod history;
 mod imu;
@@ -22,7 +23,7 @@ use history::History;
 use monitor::{SampleMonitor, SensorMonitor};
 use nalgebra::{Matrix3, Matrix3x2, Matrix6, Unit, UnitQuaternion, Vector3};
 use start::{Carried, Start};
-use whorl_free_motion::Clipping;
+use whorl_free_motion::{AxisCheck, Clipping, Contradiction};
 use whorl_math::quaternion_exp;
 
 /// Heading variance above which a vector sample corrects the heading alone, whose innovation is
@@ -62,7 +63,7 @@ pub struct ImuSample {
 /// - the gyro is integrated in an undisturbed inertial frame, and corrections turn that frame:
 ///   a late vector sample meets the attitude of its own time.
 ///
-/// A pure state machine without allocation: `Clone` is the save and the restore.
+/// A pure state machine, without allocation while its sensors agree: `Clone` is the save and the restore.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AttitudeBiasEstimator {
     parameters: Parameters,
@@ -89,6 +90,9 @@ pub struct AttitudeBiasEstimator {
     clipping: Clipping,
     /// Whether the latest sample stood at the end of the gyro's range.
     is_clipped: bool,
+    axes: AxisCheck,
+    /// What turns against the gyro and is not used: accelerometer, vector sensor.
+    contradicted: [Option<Contradiction>; 2],
 }
 
 /// The last accepted gyro sample, and a suspected spike after it.
@@ -161,6 +165,8 @@ impl AttitudeBiasEstimator {
             backward_stamps: 0,
             clipping: Clipping::default(),
             is_clipped: false,
+            axes: AxisCheck::default(),
+            contradicted: [None, None],
             parameters,
         })
     }
@@ -245,6 +251,7 @@ impl AttitudeBiasEstimator {
             }
             _ => None,
         };
+        self.compare_axes(sample, &mut event);
         let (accelerometer, vertical) = self.use_specific_force(sample, &mut event);
         used.vertical = vertical;
         self.try_finish_start(sample.stamp_ns, &mut event);

@@ -32,11 +32,13 @@ pub enum Rejection {
     NotGravity,
     /// The sensor does not apply: it is not configured, or its partner sample was refused.
     NotUsable,
+    /// The sensor's axes turn against the gyro: one is reversed, or their order is wrong.
+    Contradicted,
 }
 
 impl Rejection {
     /// Number of kinds.
-    pub const KINDS: usize = 11;
+    pub const KINDS: usize = 12;
 
     /// Stable index of the kind, below [`Self::KINDS`].
     #[must_use]
@@ -53,6 +55,7 @@ impl Rejection {
             Self::Outlier { .. } => 8,
             Self::NotGravity => 9,
             Self::NotUsable => 10,
+            Self::Contradicted => 11,
         }
     }
 }
@@ -71,6 +74,7 @@ impl fmt::Display for Rejection {
             Self::Outlier { nis } => return write!(formatter, "outlier (NIS {nis:.1})"),
             Self::NotGravity => "not the length of gravity",
             Self::NotUsable => "not usable",
+            Self::Contradicted => "turns against the gyro",
         };
         formatter.write_str(text)
     }
@@ -157,6 +161,10 @@ pub enum FilterEvent {
     RestartedAfterDivergence,
     /// The heading restarts: the vector sensor disagreed for too long.
     HeadingForgotten,
+    /// The vector sensor is used no more and the heading is unknown: its axes turn against the gyro.
+    VectorContradicted,
+    /// The accelerometer is used no more and the inclination is doubtful: its axes turn against the gyro.
+    AccelerometerContradicted,
 }
 
 /// Refused samples of one sensor, by kind.

@@ -54,6 +54,12 @@ impl AttitudeBiasEstimator {
             self.vector.samples.reject(Rejection::Late);
             return (SampleOutcome::Rejected(Rejection::Late), None);
         };
+        let now_b = self.state.q_inertial_body.inverse() * (q_inertial_then * direction_b.into_inner());
+        self.compare_direction(&now_b, event);
+        if self.contradicted.last().is_some_and(Option::is_some) {
+            self.vector.samples.reject(Rejection::Contradicted);
+            return (SampleOutcome::Rejected(Rejection::Contradicted), None);
+        }
         let measured_w = self.state.q_world_inertial * (q_inertial_then * direction_b.into_inner());
         if let Some(start) = &mut self.start {
             start.add_vector(&self.parameters, stamp_ns, &measured_w, &direction_b);
@@ -62,7 +68,6 @@ impl AttitudeBiasEstimator {
         }
         // Rotation by the bias error since then: delta(then) = delta(now) + R age bias_error.
         let age_s = seconds(imu.stamp_ns, stamp_ns);
-        let now_b = self.state.q_inertial_body.inverse() * (q_inertial_then * direction_b.into_inner());
         let variance = vector.noise_rad * vector.noise_rad + self.constants.gyro_noise_density * age_s;
         let used = UsedDirection { direction_b: Unit::new_unchecked(now_b), variance };
         let (result, dof) = self.vector_update(&vector, &measured_w, age_s);

@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod all_filters;
+mod contradicted;
 mod gates;
 mod optimum;
 mod recovery;

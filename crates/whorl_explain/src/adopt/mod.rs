@@ -35,13 +35,20 @@ pub fn adopt(
     options: &Options,
     say: &mut Say<'_>,
 ) -> Result<Adoption, ExplainError> {
-    let (versions, left_out) = versions(case, sets, Values::Likeliest, options, say)?;
+    let sets: Vec<Vec<String>> = sets.iter().map(|set| each_once(set)).collect();
+    let (versions, left_out) = versions(case, &sets, Values::Likeliest, options, say)?;
     let is_rival =
         |error: &DiagnosisError| matches!(error, DiagnosisError::NoEffect { .. }) && sets.len() > 1;
     match left_out.iter().find(|(_, error)| !is_rival(error)) {
         Some((version, error)) => Err(ExplainError::Fit { version: version.clone(), error: error.clone() }),
         None => Ok(Adoption { versions, left_out }),
     }
+}
+
+/// An effect that is named twice is one.
+fn each_once(set: &[String]) -> Vec<String> {
+    let is_new = |k: usize| !set.iter().take(k).any(|before| Some(before) == set.get(k));
+    set.iter().enumerate().filter(|(k, _)| is_new(*k)).map(|(_, effect)| effect.clone()).collect()
 }
 
 impl Adoption {

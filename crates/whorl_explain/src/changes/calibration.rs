@@ -7,7 +7,8 @@ use whorl_params::Value;
 
 use super::Change;
 
-/// Entries for every quantity that was determined on all axes: bias, scale, misalignment, noise of a sample, random walk.
+/// Entries for every quantity that was determined on all axes: bias, scale, misalignment, skew, noise of a sample, random
+/// walk.
 #[must_use]
 pub fn of_calibration(found: &ImuCalibration) -> Vec<Change> {
     let mut all = Vec::new();
@@ -26,10 +27,11 @@ fn of_sensor(
     let mut add = |key: String, value: Value, comment: String| {
         all.push(Change { key: format!("model.sensors.{name}.{key}"), value, comment });
     };
-    let errors: [(String, &PerAxis, &str); 3] = [
+    let errors: [(String, &PerAxis, &str); 4] = [
         (format!("bias_{suffix}"), &sensor.bias, unit),
         ("scale".to_owned(), &sensor.scale, "1"),
         ("misalignment_rad".to_owned(), &sensor.misalignment_rad, "rad"),
+        ("skew_rad".to_owned(), &sensor.skew_rad, "rad"),
     ];
     for (key, found, unit) in errors {
         if found.determined() == [true; 3] {

@@ -7,10 +7,10 @@
 //! it cannot be told from a scale error that all axes have.
 
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector, Vector3};
+use whorl_dynamics::sensing::untangled;
 use whorl_math::GRAVITY_M_S2;
 
 use super::misfit::{Misfit, said};
-use super::skew::untangled;
 use super::still::Still;
 use super::{CalibrationSettings, SensorCalibration};
 use crate::finding::Finding;
@@ -148,7 +148,7 @@ fn lengths(
         .collect();
     if !seen.is_empty() {
         findings.push(Finding::warning(format!(
-            "The accelerometer's axes are not at right angles: {}. The platform's file has no such parameter; bias, scale and \
+            "The accelerometer's axes are not at right angles: {}. That is `skew_rad` of the platform's file; bias, scale and \
              misalignment are free of it.",
             seen.join(", ")
         )));

@@ -42,7 +42,8 @@ const SKEW_RAD: f64 = 0.02;
 /// What a rate without bias says of the true one.
 fn truth(y: &Vector3<f64>, errors: &Errors) -> Vector3<f64> {
     let scaled = y.component_div(&Vector3::new(errors[0], errors[1], errors[2]).add_scalar(1.0));
-    let straight = super::skew::untangled(&scaled, &Vector3::new(errors[6], errors[7], errors[8]));
+    let straight =
+        whorl_dynamics::sensing::untangled(&scaled, &Vector3::new(errors[6], errors[7], errors[8]));
     quaternion_exp(&Vector3::new(errors[3], errors[4], errors[5])) * straight
 }
 

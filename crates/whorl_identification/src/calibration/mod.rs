@@ -20,7 +20,6 @@ mod gaussianity;
 mod gyro;
 mod misfit;
 mod noise;
-mod skew;
 mod still;
 mod temperature;
 

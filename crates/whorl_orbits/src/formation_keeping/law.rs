@@ -19,10 +19,17 @@ const ACT: f64 = 0.7;
 const BEYOND: f64 = 0.5;
 /// Revolutions over which an error along the track may be worked off: the least and the most.
 const COAST: (f64, f64) = (1.0, 15.0);
+/// Sine of the inclination below which the node is not known: what the mean elements leave, metres, turns the tilt of a formation by a
+/// hundredth of itself there.
+const LEAST_TILT: f64 = 3.4e-3;
 /// Corrections below this are left out \[m/s\]: no thruster gives them.
 const LEAST_M_S: f64 = 1e-5;
 
 /// A deputy's place beside its chief, as differences of mean elements that a formation holds constant.
+///
+/// Node and perigee of a retrograde orbit turn against each other as it comes near to the equator, and their sum, which stays
+/// known there on a prograde one, does not. So retrograde orbits are seen in a mirror that holds the Earth's axis, `y -> -y`: they
+/// are prograde there, and oblateness is the same. Along radius and track nothing changes; across the track signs do.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
     /// Of perigee plus mean anomaly \[rad\].
@@ -33,6 +40,19 @@ pub struct Place {
     pub inclination_rad: f64,
     /// Of (e cos(perigee), e sin(perigee)).
     pub eccentricity: Vector2<f64>,
+    /// Whether these are elements of the orbits as they are in the mirror.
+    pub mirrored: bool,
+}
+
+/// The orbit in the mirror, or itself.
+fn seen(mirrored: bool, state: &OrbitState) -> OrbitState {
+    let turned = |v: &Vector3<f64>| if mirrored { Vector3::new(v.x, -v.y, v.z) } else { *v };
+    OrbitState { position_m: turned(&state.position_m), velocity_m_s: turned(&state.velocity_m_s) }
+}
+
+/// A vector along radius, track and normal as it is before the mirror.
+fn before(mirrored: bool, v: Vector3<f64>) -> Vector3<f64> {
+    if mirrored { Vector3::new(v.x, v.y, -v.z) } else { v }
 }
 
 /// Mean elements; in two-body motion the elements themselves.
@@ -62,18 +82,25 @@ impl Place {
     /// Of a deputy beside its chief.
     ///
     /// # Errors
-    /// No ellipse; J2 near the critical inclination.
+    /// No ellipse; J2 near the critical inclination, or within 0.2 deg of the equator.
     pub fn of(propagator: Propagator, chief: &OrbitState, deputy: &OrbitState) -> Result<Self, KeepingError> {
-        Ok(Self::between(&mean(propagator, chief)?, &mean(propagator, deputy)?))
+        let inclination_rad = Elements::of(chief)?.inclination_rad;
+        if propagator == Propagator::J2 && inclination_rad.sin() < LEAST_TILT {
+            return Err(KeepingError::Equatorial { inclination_deg: inclination_rad.to_degrees() });
+        }
+        let mirrored = chief.position_m.cross(&chief.velocity_m_s).z < 0.0;
+        let [chief, deputy] = [chief, deputy].map(|state| mean(propagator, &seen(mirrored, state)));
+        Ok(Self::between(&chief?, &deputy?, mirrored))
     }
 
-    fn between(chief: &Elements, deputy: &Elements) -> Self {
+    fn between(chief: &Elements, deputy: &Elements, mirrored: bool) -> Self {
         let latitude = |e: &Elements| e.perigee_rad + e.mean_anomaly_rad;
         Self {
             latitude_rad: wrap_angle_rad(latitude(deputy) - latitude(chief)),
             node_rad: wrap_angle_rad(deputy.node_rad - chief.node_rad),
             inclination_rad: deputy.inclination_rad - chief.inclination_rad,
             eccentricity: vector(deputy) - vector(chief),
+            mirrored,
         }
     }
 
@@ -82,7 +109,7 @@ impl Place {
     /// # Errors
     /// As [`Place::of`].
     pub fn relative(&self, propagator: Propagator, chief: &OrbitState) -> Result<HillState, KeepingError> {
-        let chief = mean(propagator, chief)?;
+        let chief = mean(propagator, &seen(self.mirrored, chief))?;
         let q = vector(&chief) + self.eccentricity;
         let perigee_rad = q.y.atan2(q.x);
         let mut deputy = Elements {
@@ -105,7 +132,11 @@ impl Place {
             Propagator::TwoBody => Ok(mean.state()),
             Propagator::J2 => mean_elements::osculating(mean).map(|elements| elements.state()),
         };
-        Ok(HillState::of(&state(&chief)?, &state(&deputy)?))
+        let HillState { position_m, velocity_m_s } = HillState::of(&state(&chief)?, &state(&deputy)?);
+        Ok(HillState {
+            position_m: before(self.mirrored, position_m),
+            velocity_m_s: before(self.mirrored, velocity_m_s),
+        })
     }
 }
 
@@ -143,8 +174,9 @@ impl Off {
         chief: &OrbitState,
         deputy: &OrbitState,
     ) -> Result<Self, KeepingError> {
-        let [mean_c, mean_d] = [mean(propagator, chief)?, mean(propagator, deputy)?];
-        let now = Place::between(&mean_c, &mean_d);
+        let [chief, deputy] = [chief, deputy].map(|state| seen(place.mirrored, state));
+        let [mean_c, mean_d] = [mean(propagator, &chief)?, mean(propagator, &deputy)?];
+        let now = Place::between(&mean_c, &mean_d, place.mirrored);
         let [of_chief, of_deputy] = [mean_c, mean_d].map(|e| rates(propagator, &e));
         let (sine, cosine) = mean_c.inclination_rad.sin_cos();
         let node_rad = wrap_angle_rad(now.node_rad - place.node_rad);
@@ -152,7 +184,7 @@ impl Off {
             let q = vector(e);
             Vector2::new(-q.y, q.x) * r.perigee_rad_s
         };
-        let osculating = Elements::of(deputy)?;
+        let osculating = Elements::of(&deputy)?;
         Ok(Self {
             semi_major_axis_m: mean_c.semi_major_axis_m,
             period_s: mean_c.period_s(),
@@ -162,7 +194,7 @@ impl Off {
             eccentricity: now.eccentricity - place.eccentricity,
             eccentricity_rate_s: turning(&mean_d, &of_deputy) - turning(&mean_c, &of_chief),
             ahead_rad: wrap_angle_rad(now.latitude_rad - place.latitude_rad) + cosine * node_rad,
-            drift_rad_rev: drift_m_rev(propagator, chief, deputy) / mean_c.semi_major_axis_m,
+            drift_rad_rev: drift_m_rev(propagator, &chief, &deputy) / mean_c.semi_major_axis_m,
             latitude_rad: osculating.perigee_rad + osculating.true_anomaly_rad(),
         })
     }
@@ -213,7 +245,7 @@ pub(super) fn plan(
         let (change, after_s, sign) = off.change(&off.tilt, &off.tilt_rate_s, allowed, 0.0);
         across.push(Planned {
             middle_s: now_s + after_s,
-            delta_v_m_s: Vector3::z() * (sign * off.speed_m_s * change.norm()),
+            delta_v_m_s: before(place.mirrored, Vector3::z() * (sign * off.speed_m_s * change.norm())),
         });
     }
     // Along the track half is for the eccentricity: its waves, twice those of the radius, and what is ahead between the two

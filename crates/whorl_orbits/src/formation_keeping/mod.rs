@@ -86,6 +86,15 @@ pub enum KeepingError {
     /// Its mean elements.
     #[error("{0}")]
     Mean(#[from] MeanElementsError),
+    /// A chief so near to the equator that the oblateness moves its node by more than the formation is known.
+    #[error(
+        "an inclination of {inclination_deg:.3} deg is too near the equator to keep a formation there: its tilt counts from the node, which is \
+         not known well enough; allowed: 0.2 to 179.8 deg"
+    )]
+    Equatorial {
+        /// As given \[deg\].
+        inclination_deg: f64,
+    },
     /// A number of the keeper.
     #[error("{name} = {value} is not valid for formation keeping: {allowed}")]
     Number {

@@ -78,13 +78,49 @@ fn a_formation_is_held_for_days_at_the_price_of_its_rates() {
     }
 }
 
+/// The Earth is the same in a mirror that holds its axis: a retrograde orbit costs what its prograde image does, near the equator too,
+/// where a plane has hardly a node.
+#[test]
+fn a_retrograde_orbit_costs_what_its_image_does() {
+    for (inclination_deg, phase_rad) in [(45.0, 0.7), (5.0, 2.0), (0.5, 0.7), (0.5, -1.0), (0.2, 0.7)] {
+        let keeper = keeper(10.0, 3.0);
+        let cost = |states: [OrbitState; 2]| {
+            let [start, deputy] = states;
+            let place = Place::of(Propagator::J2, &start, &deputy).unwrap();
+            let kept = keep(Propagator::J2, &place, &start, &deputy, &keeper).unwrap();
+            assert_eq!(kept.inside_since_s(&keeper.half_width_m), Some(0.0), "{inclination_deg} {phase_rad}");
+            kept.spent().0
+        };
+        let states = projected(&chief(inclination_deg), phase_rad);
+        let image = states.map(|state| OrbitState {
+            position_m: state.position_m.component_mul(&Vector3::new(1.0, -1.0, 1.0)),
+            velocity_m_s: state.velocity_m_s.component_mul(&Vector3::new(1.0, -1.0, 1.0)),
+        });
+        let [prograde, retrograde] = [states, image].map(cost);
+        assert!((retrograde / prograde - 1.0).abs() < 0.01, "{inclination_deg}: {prograde} {retrograde}");
+        // A formation of its own at 180 deg less that, whose phase is another one's image.
+        let own = cost(projected(&chief(180.0 - inclination_deg), phase_rad));
+        assert!((0.6..1.6).contains(&(own / prograde)), "{inclination_deg}: {prograde} {own}");
+    }
+    for inclination_deg in [0.0, 0.1, 179.95] {
+        let [start, deputy] = projected(&chief(inclination_deg), 0.7);
+        let error = Place::of(Propagator::J2, &start, &deputy).unwrap_err().to_string();
+        assert!(error.contains("too near the equator") && error.contains("0.2 to 179.8"), "{error}");
+    }
+}
+
 /// Without oblateness, a velocity that is off across the track is taken out by its own opposite, once.
 #[test]
 fn a_tilt_costs_what_made_it() {
     let elements = chief(51.6);
     let start = elements.state();
-    let place =
-        Place { latitude_rad: 1e-3, node_rad: 0.0, inclination_rad: 0.0, eccentricity: Vector2::zeros() };
+    let place = Place {
+        latitude_rad: 1e-3,
+        node_rad: 0.0,
+        inclination_rad: 0.0,
+        eccentricity: Vector2::zeros(),
+        mirrored: false,
+    };
     let at_place = place.relative(Propagator::TwoBody, &start).unwrap();
     let mut off = at_place;
     off.velocity_m_s.z += 0.05;

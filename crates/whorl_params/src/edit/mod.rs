@@ -31,7 +31,7 @@ pub fn set_in_file(
         let origin = Origin::File { file: name.as_str().into(), line: 0 };
         ParameterErrors::from(ParameterError::new(origin, format!("cannot be {what}: {error}")))
     };
-    let text = std::fs::read_to_string(path).map_err(|error| io("read", error))?;
+    let text = crate::read_text(path).map_err(|error| io("read", error))?;
     let edited = set_in_text(&name, &text, section, key, value, comment)?;
     let mut beside = path.as_os_str().to_owned();
     beside.push(".new");

@@ -163,7 +163,7 @@ fn actuator_vectors() -> impl Iterator<Item = &'static str> {
 fn per_axis(key: &str) -> bool {
     let last = key.rsplit_once('.').map_or(key, |(_, last)| last);
     let sensor = key.starts_with("sensors.gyro.") || key.starts_with("sensors.accelerometer.");
-    let of_axes = ["noise", "bias", "scale", "misalignment", "lever_arm"];
+    let of_axes = ["noise", "bias", "scale", "misalignment", "skew", "lever_arm"];
     last == "gravity_offset_n_m"
         || actuator_vectors().any(|known| known == last)
         || key == "sensors.vector.misalignment_rad"

@@ -88,6 +88,7 @@ const NO_ERRORS: TriaxialErrors = TriaxialErrors {
     bias_walk: Vector3::new(0.0, 0.0, 0.0),
     scale: Vector3::new(0.0, 0.0, 0.0),
     misalignment_rad: Vector3::new(0.0, 0.0, 0.0),
+    skew_rad: Vector3::new(0.0, 0.0, 0.0),
     quantum: 0.0,
     range: f64::MAX,
     latency_s: 0.0,
@@ -162,6 +163,12 @@ fn triaxial(r: &mut Reader<'_>, suffix: &str, unit: &str, usual_range: f64) -> T
             "scale factor error [1]",
         ),
         misalignment_rad: misalignment(r),
+        skew_rad: r.per_axis_or(
+            "skew_rad",
+            0.0,
+            range(-0.5..=0.5),
+            "axes that are not at right angles: what y sees of x, z of x, z of y [rad]",
+        ),
         quantum: r.f64_or(
             &format!("quantum_{suffix}"),
             0.0,

@@ -159,8 +159,9 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
         .collect()
 }
 
-/// Why there is nothing at all in a bag, if so.
-fn nothing_in(bag: &BagReader) -> Option<String> {
+/// Why there is nothing at all in a bag, if so: nothing was recorded, or it was cut inside its first part.
+#[must_use]
+pub fn nothing_in(bag: &BagReader) -> Option<String> {
     if !bag.topics().is_empty() {
         return None;
     }

@@ -164,7 +164,7 @@ fn wrong_files_and_maps_are_refused_with_file_line_and_what_is_allowed() {
         (
             MAP.replace("wheel_speed:", "wheel_sped:"),
             csv.clone(),
-            "map.yaml:9: wheel_sped: is no channel; allowed: time, gyro, accelerometer, vector, vectors, wheel_speed, wheel_torque_command, wheel_current, gimbal_angle, gimbal_rate, gimbal_torque, jets, body_torque, ballast_moment, bus_voltage, tank_pressure, temperature, true_attitude, true_rate, closed_loop, mounting, jets_off, imu_latency_s, delimiter, decimal",
+            "map.yaml:9: wheel_sped: is no channel; allowed: time, gyro, accelerometer, vector, vectors, wheel_speed, wheel_torque_command, wheel_current, gimbal_angle, gimbal_rate, gimbal_torque, jets, body_torque, ballast_moment, bus_voltage, tank_pressure, temperature, true_attitude, true_rate, wheel_angle, hinge_angle, closed_loop, mounting, jets_off, imu_latency_s, delimiter, decimal",
         ),
         (
             MAP.replace("u2", "torque_2"),

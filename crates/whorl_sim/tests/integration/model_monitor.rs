@@ -11,9 +11,10 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
+use whorl_model_monitor::ModelMonitorCore;
 use whorl_msgs::topics::{Message, PlatformId, Route};
 use whorl_msgs::whorl::{FormationState, ModelFit};
-use whorl_node::{Event, LogLine, Timestamp};
+use whorl_node::{Event, LogLine, NodeCore, Outputs, Timestamp};
 use whorl_params::{Override, ParameterTree, standard_layers};
 use whorl_sim::{NodeSet, Observer, run};
 
@@ -24,6 +25,8 @@ struct Watch {
     /// Commanded-open time of the first platform's jets at this time \[s\].
     jets: Vec<(f64, Vec<f64>)>,
     states: Vec<FormationState>,
+    /// All that the first platform published, in its order.
+    messages: Vec<(Timestamp, Route, Arc<Message>)>,
     first: Option<Timestamp>,
 }
 
@@ -32,6 +35,9 @@ impl Observer for Watch {
 
     fn published(&mut self, now: Timestamp, route: Route, message: &Arc<Message>) -> Result<(), Infallible> {
         let at_s = now.seconds_since(*self.first.get_or_insert(now));
+        if route.platform == Some(PlatformId(0)) {
+            self.messages.push((now, route, Arc::clone(message)));
+        }
         match (route.platform, &**message) {
             (Some(PlatformId(id)), Message::ModelFit(fit)) => self.fits.push((at_s, id, fit.clone())),
             (Some(PlatformId(0)), Message::ThrusterState(m)) => {
@@ -48,12 +54,16 @@ impl Observer for Watch {
     fn stepping(&mut self, _: Timestamp, _: &str, _: &Event<'_>) {}
 }
 
-fn simulate(experiment: &str, seed: u64, longest_s: f64, overrides: &[&str]) -> Watch {
+fn parameters(experiment: &str, overrides: &[&str]) -> ParameterTree {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params");
     let experiment = folder.join(format!("experiments/{experiment}.yaml"));
     let overrides: Vec<_> = overrides.iter().map(|o| Override::parse(o).unwrap()).collect();
     let layers = standard_layers(&folder, &["whorl_1", "whorl_2"], Some(&experiment));
-    let tree = ParameterTree::load(&layers, &overrides).unwrap();
+    ParameterTree::load(&layers, &overrides).unwrap()
+}
+
+fn simulate(experiment: &str, seed: u64, longest_s: f64, overrides: &[&str]) -> Watch {
+    let tree = parameters(experiment, overrides);
     let mut set = NodeSet::build(&tree, seed, Timestamp(1_800_000_000_000_000_000)).unwrap();
     let mut watch = Watch::default();
     run(&mut set, Duration::from_secs_f64(longest_s), &mut watch, |_| ()).unwrap();
@@ -161,12 +171,12 @@ struct Found {
     named: String,
 }
 
-fn weak_jet(index: usize, seed: u64, start_s: f64) -> Found {
+fn weak_jet(index: usize, seed: u64, start_s: f64, thrust: f64) -> Found {
     let jet = format!("jet_{}", index + 1);
     let faults = [
         "/whorl_1/driver:faults.weak.kind:=jet_weak".to_owned(),
         format!("/whorl_1/driver:faults.weak.jet:={jet}"),
-        "/whorl_1/driver:faults.weak.thrust:=0.7".to_owned(),
+        format!("/whorl_1/driver:faults.weak.thrust:={thrust}"),
         format!("/whorl_1/driver:faults.weak.start_s:={start_s}"),
     ];
     let faults: Vec<&str> = faults.iter().map(String::as_str).collect();
@@ -185,16 +195,17 @@ fn weak_jet(index: usize, seed: u64, start_s: f64) -> Found {
     }
 }
 
-/// Every jet at 70 %, from mid-run on and from the start.
+/// Every jet at 70 % from mid-run on, and at half from the start: of a weakness that was always there the monitor takes a ninth of a reading's
+/// deviation for an error that every reading may have.
 #[test]
 fn weak_jets_are_found_by_how_long_they_fired() {
     let slow = std::env::var_os("WHORL_SLOW_TESTS").is_some();
     let (jets, seeds) = if slow { (0..12, 5..7) } else { (5..6, 5..6) };
     // From the start a thrust that the prior calls certain to 5 % must be refuted, beside all else that the priors leave open.
-    for (start_s, enough_s, share) in [(60.0, 1.9, 1.0), (0.0, 5.0, 0.5)] {
+    for (start_s, thrust, enough_s, share) in [(60.0, 0.7, 1.9, 1.0), (0.0, 0.5, 5.0, 0.5)] {
         let (mut fired, mut hit) = (0_u32, 0_u32);
         for (jet, seed) in jets.clone().flat_map(|jet| seeds.clone().map(move |seed| (jet, seed))) {
-            let found = weak_jet(jet, seed, start_s);
+            let found = weak_jet(jet, seed, start_s, thrust);
             println!(
                 "{} weak from {start_s} s, seed {seed}: fired {:.2} s, found after {:.2?} s of it: {}",
                 found.jet, found.fired_s, found.after_s, found.named
@@ -232,4 +243,143 @@ fn an_experiment_holds_when_told_to() {
     // Not told to, it goes on.
     let watch = simulate("leader_follower_jets", 5, 200.0, &overrides[..4]);
     assert_eq!(watch.states.last().unwrap().phase, FormationState::PHASE_FINISHED);
+}
+
+/// Numbers from 0 to 1, each as likely (xorshift, Marsaglia 2003).
+struct Drawn(u64);
+
+impl Drawn {
+    fn next(&mut self) -> f64 {
+        for (left, by) in [(true, 13), (false, 7), (true, 17)] {
+            self.0 ^= if left { self.0 << by } else { self.0 >> by };
+        }
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+/// What a busy computer does with messages.
+#[derive(Debug, Clone, Copy)]
+enum Busy {
+    /// Stalls of up to so long \[s\], about every two seconds, after which topic after topic is read.
+    Stalls(f64),
+    /// This share is lost.
+    Loses(f64),
+    /// This share comes late by up to 0.2 s, each by itself.
+    Scatters(f64),
+}
+
+/// The monitor of the first platform, which gets the messages of a run as a busy computer delivers them: its fits.
+fn delivered(watch: &Watch, busy: Busy, seed: u64) -> Vec<ModelFit> {
+    let tree = parameters("leader_follower_jets", &[]);
+    let node = tree.for_node("/whorl_1/model_monitor");
+    let read = whorl_params::read(&node, whorl_model_monitor::parameters::read).unwrap();
+    let mut core = ModelMonitorCore::new(read.0.unwrap()).unwrap();
+    let routes = core.subscriptions();
+    let mut drawn = Drawn(88_172_645_463_325_252 ^ (seed + 1));
+    let mut stalled_until = Timestamp(0);
+    let mut queue = Vec::new();
+    let of_monitor = watch.messages.iter().filter(|(_, route, _)| routes.contains(route));
+    for (number, (sent, route, message)) in of_monitor.enumerate() {
+        let late = |share_s: f64| *sent + Duration::from_secs_f64(share_s);
+        let at = match busy {
+            Busy::Loses(share) if drawn.next() < share => continue,
+            Busy::Scatters(share) if drawn.next() < share => late(0.2 * drawn.next()),
+            Busy::Loses(_) | Busy::Scatters(_) => *sent,
+            Busy::Stalls(longest_s) => {
+                // Some 450 messages a second.
+                if drawn.next() < 1.0 / 900.0 {
+                    stalled_until = late(longest_s * drawn.next());
+                }
+                (*sent).max(stalled_until)
+            }
+        };
+        let topic = routes.iter().position(|known| known == route).unwrap();
+        let in_turn = if matches!(busy, Busy::Stalls(_)) { topic } else { 0 };
+        queue.push((at, in_turn, number, *route, Arc::clone(message)));
+    }
+    queue.sort_by_key(|(at, topic, number, ..)| (*at, *topic, *number));
+    let (mut fits, mut outputs) = (Vec::new(), Outputs::default());
+    let mut due = queue[0].0;
+    for (at, _, _, route, message) in &queue {
+        while due <= *at {
+            core.step(due, Event::Timer, &mut outputs);
+            fits.extend(std::mem::take(&mut outputs).messages.into_iter().filter_map(|published| {
+                match &*published.message {
+                    Message::ModelFit(fit) => Some(fit.clone()),
+                    _ => None,
+                }
+            }));
+            due = due + Duration::from_secs(1);
+        }
+        core.step(*at, Event::Message { route: *route, message }, &mut outputs);
+    }
+    fits
+}
+
+/// The same run, whose model is right, as a busy computer hears of it: late, lost and in disorder. Nothing is concluded from that,
+/// and what arrives whole is still compared; a jet that breaks is found all the same.
+#[test]
+fn a_busy_computer_accuses_nobody() {
+    let runs = if std::env::var_os("WHORL_SLOW_TESTS").is_some() { 30 } else { 2 };
+    let all =
+        [Busy::Stalls(0.1), Busy::Stalls(0.6), Busy::Loses(0.01), Busy::Loses(0.1), Busy::Scatters(0.002)];
+    let (mut accused, mut watched_s) = (0, 0.0);
+    for seed in 0..runs {
+        let watch = simulate("leader_follower_jets", 300 + seed, 200.0, &[]);
+        for busy in all {
+            let fits = delivered(&watch, busy, seed);
+            let mismatch = fits.iter().find(|fit| fit.state == ModelFit::STATE_MISMATCH);
+            let compared = fits.iter().filter(|fit| fit.state != ModelFit::STATE_WAITING).count();
+            println!(
+                "{busy:?}: {compared} of {} s compared, {:?}",
+                fits.len(),
+                mismatch.map(ModelFit::in_words)
+            );
+            accused += u32::from(mismatch.is_some());
+            watched_s += compared as f64;
+            // Ten such stalls or twenty messages out of order a minute leave little that hangs together.
+            let least = match busy {
+                Busy::Stalls(_) | Busy::Loses(_) => 0.5,
+                Busy::Scatters(_) => 0.0,
+            };
+            assert!(compared as f64 >= least * fits.len() as f64, "{busy:?}: {compared} of {}", fits.len());
+        }
+    }
+    println!("{accused} accused in {:.2} h", watched_s / 3600.0);
+    assert!(f64::from(accused) <= (0.1 * watched_s / 3600.0).floor() + 1.0 && (runs > 10 || accused == 0));
+
+    let faults = [
+        "/whorl_1/driver:faults.weak.kind:=jet_weak",
+        "/whorl_1/driver:faults.weak.jet:=jet_9",
+        "/whorl_1/driver:faults.weak.thrust:=0.7",
+        "/whorl_1/driver:faults.weak.start_s:=60.0",
+    ];
+    let watch = simulate("leader_follower_jets", 5, 200.0, &faults);
+    for busy in [Busy::Stalls(0.1), Busy::Loses(0.02)] {
+        let fits = delivered(&watch, busy, 1);
+        let last = fits.iter().rev().find(|fit| !fit.effect.is_empty());
+        let last = last.unwrap_or_else(|| panic!("{busy:?}: the weak jet was not found"));
+        println!("{busy:?}: {}", last.in_words());
+        assert_eq!((last.effect.as_str(), last.parameter.join(" ").as_str()), ("thruster_strength", "jet_9"));
+    }
+}
+
+/// Platforms that hold still for ten minutes: hardly anything is excited, and evidence does not grow with time alone. Seed 2 had
+/// accused the gyro of a scale of -0.2 after 542 s.
+#[test]
+fn holding_still_is_no_evidence() {
+    let seeds = if std::env::var_os("WHORL_SLOW_TESTS").is_some() { 1..13 } else { 2..3 };
+    for seed in seeds {
+        let watch = simulate("hold", seed, 700.0, &["/coordinator:steps.hold.duration_s:=600.0"]);
+        for platform in [0, 1] {
+            let own =
+                || watch.fits.iter().filter(|(_, id, _)| *id == platform).map(|(at_s, _, fit)| (*at_s, fit));
+            let most = own().map(|(_, fit)| fit.ln_evidence).fold(f64::NEG_INFINITY, f64::max);
+            let mismatch = watch.first_mismatch(platform).map(|(at_s, fit)| (at_s, fit.in_words()));
+            println!("seed {seed}, platform {platform}: evidence {most:.2} at most");
+            assert!(mismatch.is_none(), "seed {seed}, platform {platform}: {mismatch:?}");
+            let at = |second: f64| own().find(|(at_s, _)| *at_s >= second).unwrap().1.ln_evidence;
+            assert!(at(600.0) < at(120.0) + 1.0, "it grows: {} at 120 s, {} at 600 s", at(120.0), at(600.0));
+        }
+    }
 }

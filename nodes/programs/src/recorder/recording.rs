@@ -1,7 +1,8 @@
 //! The thread that receives messages and writes them.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -29,6 +30,11 @@ const DEPTH: u16 = 150;
 const TICK: Duration = Duration::from_millis(100);
 /// Time between two checks of the threads of DDS.
 const LIVELINESS: Duration = Duration::from_secs(1);
+/// Seconds for which the thread may stand still: a slow disk holds it up for less, and joining the network anew, too. A recorder has been seen
+/// to hang without end when a node had been killed; why is not known.
+const LONGEST_STILL_S: u32 = 20;
+/// The thread's count of its rounds when it has ended them.
+const ENDED: u64 = u64::MAX;
 
 /// A recording in progress.
 pub struct Recording {
@@ -54,7 +60,9 @@ impl Recording {
         let core = RecorderCore::new(run, topics)?;
         let status = Arc::new(Mutex::new(core.status()));
         let stop = Arc::new(AtomicBool::new(false));
+        let rounds = Arc::new(AtomicU64::new(0));
         let worker = Worker {
+            rounds: Arc::clone(&rounds),
             participant,
             readers,
             name,
@@ -74,6 +82,7 @@ impl Recording {
             .name("recording".to_owned())
             .spawn(move || worker.run())
             .context("cannot start the recording thread")?;
+        watch(rounds, run_directory.clone())?;
         Ok(Self { run_directory, status, stop, thread })
     }
 
@@ -176,7 +185,37 @@ fn recover_earlier_runs(run_directory: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Ends the program when the recording thread stands still: a recorder that waits for ever looks like one that records.
+fn watch(rounds: Arc<AtomicU64>, run_directory: PathBuf) -> anyhow::Result<()> {
+    let watch = move || {
+        let (mut last, mut still_s) = (0, 0);
+        // Looks are counted, not seconds: a program that was stopped and continued has not stood still.
+        while still_s < LONGEST_STILL_S {
+            std::thread::sleep(Duration::from_secs(1));
+            let now = rounds.load(Ordering::Relaxed);
+            if now == ENDED {
+                return;
+            }
+            still_s = if now == last { still_s + 1 } else { 0 };
+            last = now;
+        }
+        let _ = writeln!(
+            std::io::stderr(),
+            "recorder: the recording in {} is not complete: its thread has stood still for {LONGEST_STILL_S} s, waiting for the disk or the DDS library",
+            run_directory.display()
+        );
+        std::process::exit(1);
+    };
+    std::thread::Builder::new()
+        .name("watching".to_owned())
+        .spawn(watch)
+        .context("cannot start the thread that watches the recording")?;
+    Ok(())
+}
+
 struct Worker {
+    /// How often it has looked for messages.
+    rounds: Arc<AtomicU64>,
     participant: Participant,
     readers: Vec<RawReader>,
     name: NodeName,
@@ -200,6 +239,7 @@ impl Worker {
         let mut next_tick = monotonic();
         loop {
             let stopping = self.stop.load(Ordering::Relaxed);
+            self.rounds.fetch_add(1, Ordering::Relaxed);
             self.take();
             let now = monotonic();
             if now >= next_tick || stopping {
@@ -214,6 +254,8 @@ impl Worker {
             }
             std::thread::sleep(LOOK);
         }
+        // Closing a large bag may take its time.
+        self.rounds.store(ENDED, Ordering::Relaxed);
         let mut run = self.core.finish();
         for (key, text) in self.notes {
             run.note(key, text);

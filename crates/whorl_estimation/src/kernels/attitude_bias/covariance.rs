@@ -165,6 +165,19 @@ impl Covariance {
         self.attitude[(2, 2)] = variance;
     }
 
+    /// Forgets how the inclination goes with everything else, and adds to its variance \[rad^2\].
+    pub(crate) fn forget_inclination(&mut self, added: f64) {
+        for axis in 0..2 {
+            let variance = self.attitude[(axis, axis)];
+            for other in 0..3 {
+                self.attitude[(axis, other)] = 0.0;
+                self.attitude[(other, axis)] = 0.0;
+                self.cross[(axis, other)] = 0.0;
+            }
+            self.attitude[(axis, axis)] = variance + added;
+        }
+    }
+
     /// The growth since a measurement cannot exceed what is there now: another update in between
     /// may have taken some of it away.
     fn possible_lag(&self, lag_variance: f64) -> f64 {

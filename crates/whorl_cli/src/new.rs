@@ -1,0 +1,98 @@
+//! `whorl new`: from a file of somebody's sensors to the two files that the other commands need.
+
+use std::io::{BufRead as _, IsTerminal as _, Write as _};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde_json::json;
+use whorl_commands::new_rig::questions::{Ask, Nobody};
+use whorl_commands::new_rig::{NewRig, new_rig};
+
+use crate::output::{JsonArgument, say};
+
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// CSV file, rosbag2 directory or .mcap file.
+    file: PathBuf,
+    /// Folder that gets the platform's file and the map of channels.
+    #[arg(long, value_name = "FOLDER", default_value = ".")]
+    out: PathBuf,
+    /// Asks nothing: what the file does not show is marked `assumed` [default: asks where there is a terminal].
+    #[arg(long)]
+    no_questions: bool,
+    #[command(flatten)]
+    json: JsonArgument,
+}
+
+/// Carries out `whorl new`.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let somebody = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
+    let made = if somebody && !arguments.no_questions {
+        new_rig(&arguments.file, &arguments.out, &mut Terminal)?
+    } else {
+        new_rig(&arguments.file, &arguments.out, &mut Nobody)?
+    };
+    tell(&made, &arguments.file);
+    arguments.json.write(|| Ok(as_json(&made)))
+}
+
+fn tell(made: &NewRig, file: &Path) {
+    for (channel, samples) in &made.samples {
+        say!("  {channel:<22} {samples:>9}");
+    }
+    if !made.ignored.is_empty() {
+        say!("not used: {}", made.ignored.join(", "));
+    }
+    for note in &made.notes {
+        say!("note: {note}");
+    }
+    say!("platform: {}", made.rig.display());
+    say!("channels: {}", made.map.display());
+    match made.assumed() {
+        0 => say!("Every line was measured, stated or answered."),
+        1 => say!("1 line is assumed, as the file cannot say it: look for `assumed` in both files."),
+        count => {
+            say!("{count} lines are assumed, as the file cannot say them: look for `assumed` in both files.")
+        }
+    }
+    for reason in &made.refused {
+        say!("to be mended first: {reason}");
+    }
+    let (file, map, rig) = (file.display(), made.map.display(), made.rig.display());
+    say!("next: whorl compare {file} --channels {map} --model {rig}");
+}
+
+fn as_json(made: &NewRig) -> serde_json::Value {
+    let lines: Vec<_> = made
+        .lines
+        .iter()
+        .filter_map(|line| {
+            let (origin, words) = line.source.as_ref()?;
+            Some(json!({"line": line.text, "from": origin.word(), "how": words}))
+        })
+        .collect();
+    json!({
+        "schema": 1, "platform": made.platform, "model": made.rig, "channels": made.map, "lines": lines,
+        "samples": made.samples.iter().map(|(name, count)| json!({"channel": name, "samples": count})).collect::<Vec<_>>(),
+        "not_used": made.ignored, "notes": made.notes, "to_be_mended": made.refused, "assumed": made.assumed(),
+    })
+}
+
+/// Whoever sits at the terminal. Questions go to the standard error: the output may be for a program.
+struct Terminal;
+
+impl Ask for Terminal {
+    fn ask(&mut self, question: &str, suggested: &str) -> Option<String> {
+        eprint!("{question} [{suggested}]: ");
+        std::io::stderr().flush().ok()?;
+        let mut answer = String::new();
+        match std::io::stdin().lock().read_line(&mut answer) {
+            Ok(0) | Err(_) => None,
+            Ok(_) => Some(answer),
+        }
+    }
+
+    fn object(&mut self, why: &str) {
+        eprintln!("{why}");
+    }
+}

@@ -1,0 +1,347 @@
+//! What column names say: the quantity, its axis, its unit.
+
+use whorl_bag::Channel;
+
+/// What a column seems to be.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Named {
+    /// Name in the file.
+    pub column: String,
+    /// Name without axis and unit: columns of one sensor share it.
+    pub stem: String,
+    /// Axis of the body, or number of the wheel or jet from 0; of a quaternion w, x, y, z.
+    pub axis: Option<Axis>,
+    /// Unit as maps write it.
+    pub unit: Option<&'static str>,
+    /// What it is called.
+    pub meaning: Option<Meaning>,
+}
+
+/// Where a number of several belongs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Axis {
+    /// The scalar of a quaternion.
+    W,
+    /// Along x, y, z: 0, 1, 2.
+    Body(usize),
+    /// The number in its name.
+    Number(usize),
+}
+
+/// What names stand for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Meaning {
+    /// The time.
+    Time,
+    /// A counter of lines.
+    Count,
+    /// What an encoder counts: of a hinge, where there is nothing else.
+    Angle,
+    /// A channel of maps.
+    Channel(Channel),
+}
+
+use Meaning::{Angle, Channel as Is, Count, Time};
+
+/// Whole stems, and what they are. One or two letters are what people write who have few columns.
+const STEMS: &[(&str, Meaning)] = &[
+    ("t", Time),
+    ("time", Time),
+    ("timestamp", Time),
+    ("stamp", Time),
+    ("when", Time),
+    ("date", Time),
+    ("datetime", Time),
+    ("clock", Time),
+    ("elapsed", Time),
+    ("sec", Time),
+    ("seconds", Time),
+    ("timens", Time),
+    ("sample", Count),
+    ("index", Count),
+    ("frame", Count),
+    ("line", Count),
+    ("count", Count),
+    ("packetcounter", Count),
+    ("angle", Angle),
+    ("theta", Angle),
+    ("phi", Angle),
+    ("enc", Angle),
+    ("encoder", Angle),
+    ("pos", Angle),
+    ("position", Angle),
+    ("counts", Angle),
+    ("ticks", Angle),
+    ("g", Is(Channel::Gyro)),
+    ("w", Is(Channel::Gyro)),
+    ("gyr", Is(Channel::Gyro)),
+    ("gyro", Is(Channel::Gyro)),
+    ("gyroscope", Is(Channel::Gyro)),
+    ("omega", Is(Channel::Gyro)),
+    ("rate", Is(Channel::Gyro)),
+    ("angularvelocity", Is(Channel::Gyro)),
+    ("angvel", Is(Channel::Gyro)),
+    ("angularrate", Is(Channel::Gyro)),
+    ("a", Is(Channel::Accelerometer)),
+    ("acc", Is(Channel::Accelerometer)),
+    ("accel", Is(Channel::Accelerometer)),
+    ("accelerometer", Is(Channel::Accelerometer)),
+    ("acceleration", Is(Channel::Accelerometer)),
+    ("linearacceleration", Is(Channel::Accelerometer)),
+    ("linacc", Is(Channel::Accelerometer)),
+    ("force", Is(Channel::Accelerometer)),
+    ("specificforce", Is(Channel::Accelerometer)),
+    ("m", Is(Channel::Vector)),
+    ("mag", Is(Channel::Vector)),
+    ("magn", Is(Channel::Vector)),
+    ("magnetometer", Is(Channel::Vector)),
+    ("magneticfield", Is(Channel::Vector)),
+    ("magfield", Is(Channel::Vector)),
+    ("b", Is(Channel::Vector)),
+    ("lamp", Is(Channel::Vector)),
+    ("sun", Is(Channel::Vector)),
+    ("star", Is(Channel::Vector)),
+    ("vector", Is(Channel::Vector)),
+    ("direction", Is(Channel::Vector)),
+    ("n", Is(Channel::WheelSpeed)),
+    ("rpm", Is(Channel::WheelSpeed)),
+    ("wheel", Is(Channel::WheelSpeed)),
+    ("rw", Is(Channel::WheelSpeed)),
+    ("wheelspeed", Is(Channel::WheelSpeed)),
+    ("rwspeed", Is(Channel::WheelSpeed)),
+    ("motorspeed", Is(Channel::WheelSpeed)),
+    ("tacho", Is(Channel::WheelSpeed)),
+    ("u", Is(Channel::WheelTorqueCommand)),
+    ("torque", Is(Channel::WheelTorqueCommand)),
+    ("tau", Is(Channel::WheelTorqueCommand)),
+    ("torquecommand", Is(Channel::WheelTorqueCommand)),
+    ("torquecmd", Is(Channel::WheelTorqueCommand)),
+    ("wheeltorque", Is(Channel::WheelTorqueCommand)),
+    ("i", Is(Channel::WheelCurrent)),
+    ("current", Is(Channel::WheelCurrent)),
+    ("wheelcurrent", Is(Channel::WheelCurrent)),
+    ("motorcurrent", Is(Channel::WheelCurrent)),
+    ("bodytorque", Is(Channel::BodyTorque)),
+    ("ballastmoment", Is(Channel::BallastMoment)),
+    ("vbat", Is(Channel::BusVoltage)),
+    ("bat", Is(Channel::BusVoltage)),
+    ("battery", Is(Channel::BusVoltage)),
+    ("volt", Is(Channel::BusVoltage)),
+    ("voltage", Is(Channel::BusVoltage)),
+    ("bus", Is(Channel::BusVoltage)),
+    ("busvoltage", Is(Channel::BusVoltage)),
+    ("tank", Is(Channel::TankPressure)),
+    ("pressure", Is(Channel::TankPressure)),
+    ("tankpressure", Is(Channel::TankPressure)),
+    ("temp", Is(Channel::Temperature)),
+    ("temperature", Is(Channel::Temperature)),
+    ("board", Is(Channel::Temperature)),
+    ("q", Is(Channel::TrueAttitude)),
+    ("trueq", Is(Channel::TrueAttitude)),
+    ("quat", Is(Channel::TrueAttitude)),
+    ("quaternion", Is(Channel::TrueAttitude)),
+    ("orientation", Is(Channel::TrueAttitude)),
+    ("wt", Is(Channel::TrueRate)),
+    ("truerate", Is(Channel::TrueRate)),
+    ("jet", Is(Channel::Jets)),
+    ("j", Is(Channel::Jets)),
+    ("valve", Is(Channel::Jets)),
+    ("thruster", Is(Channel::Jets)),
+];
+
+/// Units in names, as people write them, and as maps do.
+const UNITS: &[(&str, &str)] = &[
+    ("rad/s", "rad/s"),
+    ("rads", "rad/s"),
+    ("rad_s", "rad/s"),
+    ("radps", "rad/s"),
+    ("rps", "rad/s"),
+    ("deg/s", "deg/s"),
+    ("degs", "deg/s"),
+    ("deg_s", "deg/s"),
+    ("dps", "deg/s"),
+    ("°/s", "deg/s"),
+    ("mdps", "mdeg/s"),
+    ("mdeg/s", "mdeg/s"),
+    ("mrad/s", "mrad/s"),
+    ("m/s^2", "m/s^2"),
+    ("m/s2", "m/s^2"),
+    ("m/s²", "m/s^2"),
+    ("mps2", "m/s^2"),
+    ("m_s2", "m/s^2"),
+    ("ms2", "m/s^2"),
+    ("ms-2", "m/s^2"),
+    ("m/s/s", "m/s^2"),
+    ("mg", "mg"),
+    ("g", "g"),
+    ("rpm", "rpm"),
+    ("rev/s", "rev/s"),
+    ("nm", "N m"),
+    ("n m", "N m"),
+    ("n_m", "N m"),
+    ("mnm", "mN m"),
+    ("mn m", "mN m"),
+    ("mn_m", "mN m"),
+    ("ma", "mA"),
+    ("a", "A"),
+    ("v", "V"),
+    ("mv", "mV"),
+    ("bar", "bar"),
+    ("psi", "psi"),
+    ("pa", "Pa"),
+    ("hpa", "hPa"),
+    ("kpa", "kPa"),
+    ("mpa", "MPa"),
+    ("degc", "degC"),
+    ("°c", "degC"),
+    ("c", "degC"),
+    ("degf", "degF"),
+    ("k", "K"),
+    ("rad", "rad"),
+    ("deg", "deg"),
+    ("°", "deg"),
+    ("rev", "rev"),
+    ("counts", "counts"),
+    ("s", "s"),
+    ("sec", "s"),
+    ("ms", "ms"),
+    ("msec", "ms"),
+    ("us", "us"),
+    ("µs", "us"),
+    ("usec", "us"),
+    ("ns", "ns"),
+    ("nsec", "ns"),
+];
+
+/// Reads a column's name. A group in front (`imu.`, `/imu/data/`) is part of the stem only where the last part says nothing.
+#[must_use]
+pub fn named(column: &str) -> Named {
+    let lower = column.to_lowercase();
+    let (bare, mut unit) = bracketed(&lower);
+    let mut words = words(&bare);
+    if unit.is_none() {
+        unit = taken_unit(&mut words);
+    }
+    let axis = taken_axis(&mut words);
+    // Words from the last on: `imu angular velocity` is an angular velocity.
+    let known = |from: usize| {
+        let joined = words.get(from..).unwrap_or_default().concat();
+        STEMS.iter().find(|(stem, _)| *stem == joined).map(|(_, meaning)| *meaning)
+    };
+    let from_front = || {
+        let first = words.first().map(String::as_str).unwrap_or_default();
+        STEMS.iter().find(|(stem, _)| *stem == first && stem.len() > 2).map(|(_, meaning)| *meaning)
+    };
+    let meaning = (0..words.len()).find_map(known).or_else(from_front);
+    Named { column: column.to_owned(), stem: words.join(" "), axis, unit, meaning }
+}
+
+/// Unit in brackets, and the name without it.
+fn bracketed(name: &str) -> (String, Option<&'static str>) {
+    for (open, close) in [('(', ')'), ('[', ']')] {
+        if let (Some(from), Some(to)) = (name.find(open), name.rfind(close))
+            && from < to
+        {
+            let inner = name.get(from + 1..to).unwrap_or_default().trim();
+            if let Some((_, unit)) = UNITS.iter().find(|(written, _)| *written == inner) {
+                let rest = [name.get(..from), name.get(to + 1..)];
+                return (rest.into_iter().flatten().collect::<Vec<_>>().join(" "), Some(unit));
+            }
+        }
+    }
+    (name.to_owned(), None)
+}
+
+fn words(name: &str) -> Vec<String> {
+    let parts = name.split(|c: char| !c.is_alphanumeric() && c != '°' && c != '²');
+    parts.filter(|part| !part.is_empty()).map(str::to_owned).collect()
+}
+
+/// The unit at the end, as in `gyro_x_rad_s` or `t_ms`; one word may be all the name there is.
+fn taken_unit(words: &mut Vec<String>) -> Option<&'static str> {
+    for count in [2, 1] {
+        if words.len() <= count {
+            continue;
+        }
+        let at = words.len() - count;
+        let end = words.get(at..).unwrap_or_default().join("_");
+        // One letter is an axis or a number sooner than a unit, but behind these.
+        let alone = end.len() > 1 || matches!(end.as_str(), "s" | "a" | "v" | "k" | "g");
+        if let Some((_, unit)) = UNITS.iter().find(|(written, _)| *written == end && alone) {
+            words.truncate(at);
+            return Some(unit);
+        }
+    }
+    None
+}
+
+/// The axis: a word of its own, or the last letter or number of the last word.
+fn taken_axis(words: &mut Vec<String>) -> Option<Axis> {
+    let letter = |word: &str| match word {
+        "w" => Some(Axis::W),
+        "x" => Some(Axis::Body(0)),
+        "y" => Some(Axis::Body(1)),
+        "z" => Some(Axis::Body(2)),
+        number => number.parse().ok().filter(|n| (0..100).contains(n)).map(Axis::Number),
+    };
+    if words.len() > 1 {
+        for at in (0..words.len()).rev() {
+            if let Some(axis) = words.get(at).and_then(|word| letter(word)) {
+                words.remove(at);
+                return Some(axis);
+            }
+        }
+    }
+    let last = words.last_mut()?;
+    let digits = last.chars().rev().take_while(char::is_ascii_digit).count();
+    let taken = if digits > 0 { digits } else { 1 };
+    let (stem, end) = last.split_at_checked(last.len().checked_sub(taken)?)?;
+    let axis = letter(end)?;
+    // `max`, `index` and `raw` end in such a letter and are words; `w` alone is a rate.
+    if stem.is_empty()
+        || matches!(last.as_str(), "max" | "index" | "raw" | "aux" | "new" | "day" | "delay" | "battery")
+    {
+        return None;
+    }
+    let stem = stem.to_owned();
+    *last = stem;
+    Some(axis)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_many_kinds_are_read() {
+        let gyro = Some(Is(Channel::Gyro));
+        let force = Some(Is(Channel::Accelerometer));
+        for (column, meaning, axis, unit) in [
+            ("gx", gyro, Some(Axis::Body(0)), None),
+            ("Gyroscope Y (deg/s)", gyro, Some(Axis::Body(1)), Some("deg/s")),
+            ("gyro_z_rad_s", gyro, Some(Axis::Body(2)), Some("rad/s")),
+            ("imu.angular_velocity.x", gyro, Some(Axis::Body(0)), None),
+            ("wz", gyro, Some(Axis::Body(2)), None),
+            ("accX [m/s^2]", force, Some(Axis::Body(0)), Some("m/s^2")),
+            ("linear_acceleration_z", force, Some(Axis::Body(2)), None),
+            ("acc_y_g", force, Some(Axis::Body(1)), Some("g")),
+            ("mag_x", Some(Is(Channel::Vector)), Some(Axis::Body(0)), None),
+            ("w", Some(Is(Channel::Gyro)), None, None),
+            ("n1", Some(Is(Channel::WheelSpeed)), Some(Axis::Number(1)), None),
+            ("rpm_2", Some(Is(Channel::WheelSpeed)), Some(Axis::Number(2)), None),
+            ("u_x", Some(Is(Channel::WheelTorqueCommand)), Some(Axis::Body(0)), None),
+            ("t_ms", Some(Time), None, Some("ms")),
+            ("Time (s)", Some(Time), None, Some("s")),
+            ("battery_v", Some(Is(Channel::BusVoltage)), None, Some("V")),
+            ("qw", Some(Is(Channel::TrueAttitude)), Some(Axis::W), None),
+            ("lamp_x", Some(Is(Channel::Vector)), Some(Axis::Body(0)), None),
+            ("encoder", Some(Angle), None, None),
+            ("theta_deg", Some(Angle), None, Some("deg")),
+            ("sample", Some(Count), None, None),
+            ("mode", None, None, None),
+        ] {
+            let found = named(column);
+            assert_eq!((found.meaning, found.axis, found.unit), (meaning, axis, unit), "{column}: {found:?}");
+        }
+    }
+}

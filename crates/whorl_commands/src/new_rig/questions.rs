@@ -1,0 +1,86 @@
+//! Questions to whoever sits at the terminal.
+
+use super::lines::{Origin, Sourced};
+
+/// Somebody who may be asked.
+pub trait Ask {
+    /// The answer to a question; empty: what is suggested. `None`: nobody is there.
+    fn ask(&mut self, question: &str, suggested: &str) -> Option<String>;
+
+    /// Says that an answer cannot be used.
+    fn object(&mut self, why: &str);
+}
+
+/// Nobody: everything that the data do not show is assumed and marked.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Nobody;
+
+impl Ask for Nobody {
+    fn ask(&mut self, _question: &str, _suggested: &str) -> Option<String> {
+        None
+    }
+
+    fn object(&mut self, _why: &str) {}
+}
+
+/// An answer that cannot be used is asked for so often.
+const TRIES: usize = 5;
+
+/// Asks for one of some words.
+pub fn choice(ask: &mut dyn Ask, question: &str, of: &[&str], suggested: Sourced<String>) -> Sourced<String> {
+    asked(ask, &format!("{question} ({})", of.join(", ")), &suggested.value.clone(), suggested, |answer| {
+        of.iter().find(|word| **word == answer).map(|word| (*word).to_owned()).ok_or_else(|| of.join(", "))
+    })
+}
+
+/// Asks for a positive number.
+pub fn positive(ask: &mut dyn Ask, question: &str, suggested: Sourced<f64>) -> Sourced<f64> {
+    asked(ask, question, &super::lines::number(suggested.value), suggested, |answer| {
+        let number = answer.replacen(',', ".", 1).parse::<f64>().ok();
+        number.filter(|x| *x > 0.0 && x.is_finite()).ok_or_else(|| "a number above 0".to_owned())
+    })
+}
+
+/// Asks for three positive numbers.
+pub fn three(ask: &mut dyn Ask, question: &str, suggested: Sourced<[f64; 3]>) -> Sourced<[f64; 3]> {
+    let shown = suggested.value.map(super::lines::number).join(" ");
+    asked(ask, question, &shown, suggested, |answer| {
+        let numbers: Vec<f64> = answer.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+        let three = <[f64; 3]>::try_from(numbers).ok();
+        three
+            .filter(|all| all.iter().all(|x| *x > 0.0 && x.is_finite()))
+            .ok_or_else(|| "three numbers above 0, with spaces between".to_owned())
+    })
+}
+
+/// Asks for a name of letters, digits and underscores.
+pub fn name(ask: &mut dyn Ask, question: &str, suggested: String) -> String {
+    let suggested = Sourced::new(suggested, Origin::Stated, "");
+    asked(ask, question, &suggested.value.clone(), suggested, |answer| {
+        let is_name = answer.chars().next().is_some_and(|c| c.is_ascii_alphabetic())
+            && answer.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+        is_name.then(|| answer.to_owned()).ok_or_else(|| "a letter, then letters, digits and _".to_owned())
+    })
+    .value
+}
+
+fn asked<T>(
+    ask: &mut dyn Ask,
+    question: &str,
+    shown: &str,
+    suggested: Sourced<T>,
+    read: impl Fn(&str) -> Result<T, String>,
+) -> Sourced<T> {
+    for _ in 0..TRIES {
+        let Some(answer) = ask.ask(question, shown) else { return suggested };
+        let answer = answer.trim();
+        if answer.is_empty() {
+            return suggested;
+        }
+        match read(answer) {
+            Ok(value) => return Sourced::new(value, Origin::Answered, ""),
+            Err(allowed) => ask.object(&format!("`{answer}` cannot be used; allowed: {allowed}")),
+        }
+    }
+    suggested
+}

@@ -1,0 +1,301 @@
+//! A map of the columns of a CSV file: by their names, and where these say nothing by their numbers.
+
+use std::collections::BTreeMap;
+
+use whorl_bag::{Channel, CsvLook, Form, LookedColumn, NO_COLUMN};
+use whorl_math::statistics::median;
+
+use super::channels::{Entry, MapDraft};
+use super::lines::{Origin, Sourced, number};
+use super::names::{Axis, Meaning, Named, named};
+use super::time::time;
+use super::units;
+
+/// A length that scatters by less than this share of itself is that of a direction \[1\].
+const STEADY: f64 = 0.1;
+/// Lengths that are gravity, in each unit of specific force, within this share \[1\].
+const NEAR: f64 = 0.2;
+/// Columns of one sensor.
+type Group<'a> = Vec<(&'a Named, &'a LookedColumn)>;
+
+/// The draft of a file's map.
+///
+/// # Errors
+/// A file without names of columns.
+pub fn draft(look: &CsvLook) -> anyhow::Result<MapDraft> {
+    if look.lacks_names {
+        let names: Vec<String> = (1..=look.columns.len()).map(|k| format!("c{k}")).collect();
+        anyhow::bail!(
+            "the first line has numbers where names of columns should be; write a line with a name for each of the {} columns above \
+             it, as t, gx, gy, gz, or: {}",
+            look.columns.len(),
+            names.join(",")
+        );
+    }
+    let names: Vec<Named> = look.columns.iter().map(|column| named(&column.name)).collect();
+    let mut groups: BTreeMap<(String, Option<Meaning>), Group<'_>> = BTreeMap::new();
+    for (name, column) in names.iter().zip(&look.columns) {
+        if column.present().next().is_some() || column.dates > 0 {
+            groups.entry((name.stem.clone(), name.meaning)).or_default().push((name, column));
+        }
+    }
+    let mut draft = MapDraft { form: form(look), ..MapDraft::default() };
+    let in_order: Group<'_> = names.iter().zip(&look.columns).collect();
+    draft.time = Some(time(&in_order, look.lines));
+    let (mut vectors, mut wheels): (Vec<(String, Entry)>, Vec<Entry>) = Default::default();
+    for ((stem, meaning), group) in &groups {
+        let Some(meaning) = meaning.or_else(|| by_numbers(group)) else { continue };
+        let Meaning::Channel(channel) = meaning else { continue };
+        let channel = seen_otherwise(channel, group, &groups);
+        let Some(entry) = entry(channel, group) else { continue };
+        match channel.info().form {
+            Form::Directions => vectors.push((stem.clone(), entry)),
+            Form::Wheels { .. } => wheels.push(entry),
+            _ if draft.entry(channel).is_some() => draft.notes.push(format!(
+                "{} is in two groups of columns; {} are used, {} are not.",
+                channel.info().key,
+                draft.entry(channel).map(|there| there.columns.join(", ")).unwrap_or_default(),
+                entry.columns.join(", ")
+            )),
+            _ => draft.entries.push(entry),
+        }
+    }
+    take_wheels(&mut draft, wheels);
+    if !draft.entries.iter().any(|entry| entry.channel.info().is_motion) {
+        let mut angles = groups.iter().filter(|((_, meaning), _)| *meaning == Some(Meaning::Angle));
+        let first = angles.find_map(|(_, group)| group.first());
+        draft.entries.extend(first.map(|(name, column)| angle(name, column)));
+    }
+    take_vectors(&mut draft, vectors);
+    draft.entries.sort_by_key(|entry| entry.channel);
+    draft.ignored = ignored(look, &draft);
+    if groups.keys().any(|(_, meaning)| *meaning == Some(Meaning::Channel(Channel::Jets))) {
+        draft.notes.push(
+            "Columns of jets are not in the map: where each jet is and how hard it pushes is in no file; write the jets into the \
+             platform's file first (params/README.md), then the columns into the map (docs/recordings.md)."
+                .to_owned(),
+        );
+    }
+    Ok(draft)
+}
+
+/// What is not as usual between the cells.
+fn form(look: &CsvLook) -> Vec<Sourced<String>> {
+    let mut form = Vec::new();
+    if look.delimiter != b',' {
+        let shown =
+            if look.delimiter == b'\t' { "\\t".to_owned() } else { char::from(look.delimiter).to_string() };
+        form.push(Sourced::new(
+            format!("delimiter: \"{shown}\""),
+            Origin::Measured,
+            "so the cells are separated",
+        ));
+    }
+    if look.decimal_comma {
+        form.push(Sourced::new("decimal: \",\"".to_owned(), Origin::Measured, "so the numbers are written"));
+    }
+    form
+}
+
+/// What three columns of one name are, by their length.
+fn by_numbers(group: &Group<'_>) -> Option<Meaning> {
+    let length = steady_length(group)?;
+    let is_gravity = units::of_gravity(length, NEAR).is_some();
+    Some(Meaning::Channel(if is_gravity { Channel::Accelerometer } else { Channel::Vector }))
+}
+
+/// What a name stands for beside other columns: `u_x, u_y, u_z` of length one are a direction and no torques, `w` beside `u` is a
+/// wheel's speed.
+fn seen_otherwise(
+    channel: Channel,
+    group: &Group<'_>,
+    all: &BTreeMap<(String, Option<Meaning>), Group<'_>>,
+) -> Channel {
+    let has = |wanted: Channel| {
+        all.iter().any(|((_, meaning), group)| {
+            *meaning == Some(Meaning::Channel(wanted)) && group.iter().any(|(name, _)| name.axis.is_some())
+        })
+    };
+    let alone = group.iter().all(|(name, _)| name.axis.is_none());
+    let command = Some(Meaning::Channel(Channel::WheelTorqueCommand));
+    match channel {
+        Channel::WheelTorqueCommand
+            if steady_length(group).is_some_and(|length| (length - 1.0).abs() < 0.02) =>
+        {
+            Channel::Vector
+        }
+        Channel::Gyro
+            if alone && !has(Channel::Gyro) && all.keys().any(|(_, meaning)| *meaning == command) =>
+        {
+            Channel::WheelSpeed
+        }
+        other => other,
+    }
+}
+
+/// The usual length of three columns x, y, z, if it hardly varies.
+fn steady_length(group: &Group<'_>) -> Option<f64> {
+    let axis =
+        |k: usize| group.iter().find(|(name, _)| name.axis == Some(Axis::Body(k))).map(|(_, column)| column);
+    let (x, y, z) = (axis(0)?, axis(1)?, axis(2)?);
+    let lengths = x.numbers.iter().zip(&y.numbers).zip(&z.numbers);
+    let lengths: Vec<f64> = lengths
+        .map(|((x, y), z)| (x * x + y * y + z * z).sqrt())
+        .filter(|length| length.is_finite())
+        .collect();
+    let usual = median(lengths.iter().copied());
+    let spread = median(lengths.iter().map(|length| (length - usual).abs()));
+    (usual > 0.0 && spread < STEADY * usual).then_some(usual)
+}
+
+/// The entry of a channel, where there are the columns that it needs.
+fn entry(channel: Channel, group: &Group<'_>) -> Option<Entry> {
+    let info = channel.info();
+    let column = |axis: Axis| group.iter().find(|(name, _)| name.axis == Some(axis)).copied();
+    let axes = |wanted: &[Axis]| -> Vec<Option<(&Named, &LookedColumn)>> {
+        wanted.iter().map(|axis| column(*axis)).collect()
+    };
+    let body = [Axis::Body(0), Axis::Body(1), Axis::Body(2)];
+    let mut of = Sourced::new((), Origin::Stated, "");
+    let found: Vec<Option<(&Named, &LookedColumn)>> = match info.form {
+        Form::Axes | Form::Directions => {
+            let found = axes(&body);
+            let there = found.iter().flatten().count();
+            if there == 0 && info.may_lack_axes {
+                // One column without an axis.
+                let [only] = group[..] else { return None };
+                of = Sourced::new((), Origin::Assumed, "about z; check it");
+                vec![None, None, Some(only)]
+            } else if there == 3 || there > 0 && info.may_lack_axes {
+                found
+            } else {
+                return None;
+            }
+        }
+        Form::Attitude => axes(&[Axis::W, body[0], body[1], body[2]]),
+        Form::Scalar => vec![group.first().copied()],
+        Form::Wheels { .. } => {
+            let mut members: Group<'_> = group.clone();
+            members.sort_by_key(|(name, _)| name.axis);
+            members.into_iter().map(Some).collect()
+        }
+        Form::Gimbals { .. } | Form::Pulses => return None,
+    };
+    if info.form == Form::Attitude && found.iter().any(Option::is_none) {
+        return None;
+    }
+    // An axis that reads the same number throughout is not measured.
+    let is_dead = |column: &LookedColumn| {
+        let first = column.present().next();
+        info.may_lack_axes && column.present().count() > 10 && column.present().all(|x| Some(x) == first)
+    };
+    let mut dead = Vec::new();
+    let columns: Vec<String> = found
+        .iter()
+        .map(|cell| match cell {
+            Some((name, column)) if is_dead(column) => {
+                dead.push(name.column.clone());
+                NO_COLUMN.to_owned()
+            }
+            Some((name, _)) => name.column.clone(),
+            None => NO_COLUMN.to_owned(),
+        })
+        .collect();
+    if columns.iter().all(|name| name == NO_COLUMN) {
+        return None;
+    }
+    if !dead.is_empty() {
+        of = Sourced::new(
+            (),
+            Origin::Measured,
+            format!("{} never changes and is left out", dead.join(" and ")),
+        );
+    }
+    let members: Vec<(&Named, &LookedColumn)> = found.into_iter().flatten().collect();
+    Some(Entry {
+        key: info.key.to_owned(),
+        channel,
+        columns,
+        of,
+        unit: units::of(channel, &members, steady_length(group)),
+        more: Vec::new(),
+    })
+}
+
+/// A hinge's encoder, where there is nothing else that moves.
+fn angle(name: &Named, column: &LookedColumn) -> Entry {
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    let mut is_whole = true;
+    for x in column.present() {
+        (low, high) = (low.min(x), high.max(x));
+        is_whole &= x == x.round();
+    }
+    let range = high - low;
+    let assumed = |unit: &str| {
+        let words = format!("from {} to {}; check it", number(low), number(high));
+        Sourced::new(unit.to_owned(), Origin::Assumed, words)
+    };
+    let unit = match name.unit.filter(|unit| ["rad", "deg", "rev", "counts"].contains(unit)) {
+        Some(unit) => Sourced::new(unit.to_owned(), Origin::Stated, "its name says the unit"),
+        None if is_whole && range > 400.0 => assumed("counts"),
+        None if range > 7.0 => assumed("deg"),
+        None => assumed("rad"),
+    };
+    let mut more = Vec::new();
+    if unit.value == "counts" {
+        // Encoders count powers of two in a turn more often than not.
+        let per_turn = 2f64.powf((range + 1.0).max(2.0).log2().ceil());
+        more.push(format!("counts_per_turn: {per_turn:.1}"));
+    }
+    Entry {
+        key: "hinge_angle".to_owned(),
+        channel: Channel::Gyro,
+        columns: vec![name.column.clone()],
+        of: Sourced::new((), Origin::Assumed, "of a hinge about z"),
+        unit: Some(unit),
+        more,
+    }
+}
+
+/// Wheels' channels must have one column for each wheel: those with another number than the first are left out.
+fn take_wheels(draft: &mut MapDraft, mut wheels: Vec<Entry>) {
+    wheels.sort_by_key(|entry| entry.channel);
+    for entry in wheels {
+        let there =
+            draft.entries.iter().find(|there| matches!(there.channel.info().form, Form::Wheels { .. }));
+        match there {
+            Some(there) if there.columns.len() != entry.columns.len() || there.channel == entry.channel => {
+                draft.notes.push(format!(
+                    "{} are not in the map: {} for {} is taken for one column to each wheel, and these are {}.",
+                    entry.columns.join(", "),
+                    there.columns.join(", "),
+                    there.key,
+                    entry.columns.len()
+                ));
+            }
+            _ => draft.entries.push(entry),
+        }
+    }
+}
+
+/// One vector sensor, or several by their names.
+fn take_vectors(draft: &mut MapDraft, vectors: Vec<(String, Entry)>) {
+    let several = vectors.len() > 1;
+    for (stem, mut entry) in vectors {
+        if several {
+            let name: String =
+                stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+            entry.key = format!("vectors.{}", if name.is_empty() { "one" } else { &name });
+        }
+        draft.entries.push(entry);
+    }
+}
+
+fn ignored(look: &CsvLook, draft: &MapDraft) -> Vec<String> {
+    let used = |name: &str| {
+        draft.entries.iter().any(|entry| entry.columns.iter().any(|column| column == name))
+            || draft.time.as_ref().is_some_and(|time| time.value.contains(&super::lines::quoted(name)))
+    };
+    let names = look.columns.iter().map(|column| column.name.clone());
+    names.filter(|name| !name.is_empty() && !used(name)).collect()
+}

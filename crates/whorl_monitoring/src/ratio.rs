@@ -1,0 +1,247 @@
+//! How much speaks for one suspect: its likelihood ratio, as far as a rig can be like that.
+
+use nalgebra::{DMatrix, DVector};
+use whorl_math::statistics::normal_probability;
+
+use crate::passing::Carried;
+
+/// Ways of entering with more directions would fit anything.
+pub(crate) const MOST_DIRECTIONS: usize = 4;
+
+/// One suspect: its columns among those that are followed.
+#[derive(Debug, Clone)]
+pub(crate) struct Suspect {
+    pub effect: usize,
+    pub columns: Vec<usize>,
+    /// Places of the products of its columns among those that are summed: (0, 0), (0, 1), (1, 1), (0, 2) and so on.
+    pub products: Vec<usize>,
+    /// Prior standard deviation of each column.
+    pub stddev: Vec<f64>,
+    /// What a rig can have of each column.
+    pub range: Vec<(f64, f64)>,
+    pub sizes: &'static [f64],
+    /// A constant of the platform that is further from the model than its prior says, and has been from the start on.
+    pub from_start: bool,
+    pub ln_prior: f64,
+}
+
+type Matrix = [[f64; MOST_DIRECTIONS]; MOST_DIRECTIONS];
+type Vector = [f64; MOST_DIRECTIONS];
+
+/// I + V^1/2 A V^1/2, lower triangle, and V^1/2 z.
+fn scaled(suspect: &Suspect, sums: &Carried, size: f64) -> (Matrix, Vector) {
+    let (mut information, mut score) = ([[0.0; MOST_DIRECTIONS]; MOST_DIRECTIONS], [0.0; MOST_DIRECTIONS]);
+    let mut products = suspect.products.iter();
+    for (i, column) in suspect.columns.iter().enumerate().take(MOST_DIRECTIONS) {
+        let s_i = suspect.stddev[i] * size;
+        score[i] = s_i * sums.score(*column);
+        for (j, place) in products.by_ref().take(i + 1).enumerate() {
+            information[i][j] = s_i * sums.product(*place) * suspect.stddev[j] * size;
+        }
+        information[i][i] += 1.0;
+    }
+    (information, score)
+}
+
+/// ln of a suspect's likelihood ratio if its effect has this size, while readings that are off by so many standard deviations
+/// always are no news.
+pub(crate) fn ln_ratio(suspect: &Suspect, sums: &Carried, size: f64, systematic_sigma: f64) -> f64 {
+    let (mut lower, mut y) = scaled(suspect, sums, size);
+    let (mut determinant, mut squares) = (1.0, 0.0);
+    let count = suspect.columns.len().min(MOST_DIRECTIONS);
+    // Cholesky's factor and the forward substitution, row by row.
+    for i in 0..count {
+        for j in 0..i {
+            let (of_i, of_j) = (lower[i], lower[j]);
+            let products = of_i.iter().zip(&of_j).take(j);
+            lower[i][j] = products.fold(of_i[j], |sum, (a, b)| sum - a * b) / of_j[j];
+            y[i] -= lower[i][j] * y[j];
+        }
+        let pivot = lower[i][i] - (0..i).map(|k| lower[i][k] * lower[i][k]).sum::<f64>();
+        // The identity plus a product with itself has no zero; numbers that are not finite speak for nothing.
+        if !(pivot > 0.0 && pivot.is_finite()) {
+            return f64::NEG_INFINITY;
+        }
+        determinant *= pivot;
+        lower[i][i] = pivot.sqrt();
+        y[i] /= lower[i][i];
+        squares += y[i] * y[i];
+    }
+    let left = (squares.sqrt() - systematic_sigma * spread(suspect, sums).sqrt()).max(0.0);
+    0.5 * (left * left - determinant.ln()) + ln_possible(suspect, &lower, &y, count, size)
+}
+
+/// ln of the chance that what was found is what a rig can have, of the parameter with the smallest. With one parameter over the
+/// chance that it had before: the ratio of a prior that ends there. With several the ratio is a little smaller than that.
+fn ln_possible(suspect: &Suspect, lower: &Matrix, y: &Vector, count: usize, size: f64) -> f64 {
+    // Back substitution, and the rows of the inverse.
+    let mut mean = *y;
+    let mut inverse = [[0.0; MOST_DIRECTIONS]; MOST_DIRECTIONS];
+    for i in (0..count).rev() {
+        for k in i + 1..count {
+            mean[i] -= lower[k][i] * mean[k];
+        }
+        mean[i] /= lower[i][i];
+    }
+    for i in 0..count {
+        inverse[i][i] = 1.0 / lower[i][i];
+        let (above, row) = inverse.split_at_mut(i);
+        for (j, slot) in row[0].iter_mut().enumerate().take(i) {
+            let sum: f64 = (j..i).map(|k| lower[i][k] * above[k][j]).sum();
+            *slot = -sum / lower[i][i];
+        }
+    }
+    let within = |(low, high): (f64, f64), mean: f64, stddev: f64| {
+        // From the nearer end: a difference of two chances near one has no digits.
+        let (below, above) =
+            (normal_probability((low - mean) / stddev), normal_probability((mean - high) / stddev));
+        let (inside_low, inside_high) =
+            (normal_probability((mean - low) / stddev), normal_probability((high - mean) / stddev));
+        let inside = if below > 0.5 { inside_low - above } else { inside_high - below };
+        inside.max(f64::MIN_POSITIVE)
+    };
+    let mut ln = 0.0;
+    for (i, range) in suspect.range.iter().enumerate().take(count) {
+        let unit = suspect.stddev[i] * size;
+        let range = (range.0 / unit, range.1 / unit);
+        let stddev = (i..count).map(|k| inverse[k][i] * inverse[k][i]).sum::<f64>().sqrt();
+        let now = within(range, mean[i], stddev);
+        if count == 1 {
+            return (now / within(range, 0.0, 1.0)).ln();
+        }
+        ln = f64::min(ln, now.ln());
+    }
+    ln
+}
+
+/// Over how many readings that column of a suspect is spread that is spread most.
+fn spread(suspect: &Suspect, sums: &Carried) -> f64 {
+    let of = |(k, column): (usize, &usize)| {
+        // The product of a column with itself ends its row of the triangle.
+        let place = suspect.products.get((k + 1) * (k + 2) / 2 - 1)?;
+        let (absolute, square) = (sums.absolute(*column), sums.product(*place));
+        (square > 0.0).then(|| absolute * absolute / square)
+    };
+    suspect.columns.iter().enumerate().filter_map(of).fold(0.0, f64::max)
+}
+
+/// Estimates and standard deviations of a suspect's columns, times a factor.
+pub(crate) fn estimate(suspect: &Suspect, sums: &Carried, factor: f64) -> Option<(Vec<f64>, Vec<f64>)> {
+    let ratio = |size: f64| ln_ratio(suspect, sums, size, 0.0);
+    let best = suspect.sizes.iter().copied().max_by(|a, b| ratio(*a).total_cmp(&ratio(*b)))?;
+    let (lower, score) = scaled(suspect, sums, best);
+    let count = suspect.columns.len();
+    let information = DMatrix::from_fn(count, count, |i, j| lower[i.max(j)][i.min(j)]);
+    let cholesky = information.cholesky()?;
+    let score = DVector::from_fn(count, |i, _| score[i]);
+    let (mean, covariance) = (cholesky.solve(&score), cholesky.inverse());
+    let s = |i: usize| suspect.stddev[i] * best;
+    let kept = |i: usize| {
+        let (low, high) = suspect.range.get(i).copied().unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+        (mean[i] * s(i)).max(low).min(high) * factor
+    };
+    Some((
+        (0..count).map(kept).collect(),
+        (0..count).map(|i| covariance[(i, i)].sqrt() * s(i) * factor).collect(),
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DMatrix;
+
+    use super::*;
+
+    const ANY: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
+
+    fn suspect(count: usize, stddev: f64) -> Suspect {
+        let columns: Vec<usize> = (0..count).collect();
+        let products = (0..count * (count + 1) / 2).collect();
+        Suspect {
+            effect: 0,
+            columns,
+            products,
+            stddev: vec![stddev; count],
+            range: vec![ANY; count],
+            sizes: &[1.0],
+            from_start: false,
+            ln_prior: 0.0,
+        }
+    }
+
+    /// One column: the integral of the likelihood over the prior, by the trapezoidal rule.
+    #[test]
+    fn the_ratio_is_the_likelihood_integrated_over_the_prior() {
+        let suspect = suspect(1, 0.7);
+        let (x, y) = ([0.3, -1.0, 2.0, 0.4], [0.5, -0.2, 1.7, 0.1]);
+        let information: f64 = x.iter().map(|x| x * x).sum();
+        let score: f64 = x.iter().zip(y).map(|(x, y)| x * y).sum();
+        let sums = Carried::with_sums(&[score], &[information]);
+        let sigma = 0.7 * 3.0;
+        let density = |phi: f64| {
+            let misfit: f64 = x.iter().zip(y).map(|(x, y)| (y - x * phi).powi(2) - y * y).sum();
+            (-0.5 * misfit - 0.5 * (phi / sigma).powi(2)).exp() / (sigma * std::f64::consts::TAU.sqrt())
+        };
+        let step = 1e-3;
+        let integral: f64 = (-20_000..20_000).map(|k| density(f64::from(k) * step) * step).sum();
+        assert!((ln_ratio(&suspect, &sums, 3.0, 0.0) - integral.ln()).abs() < 1e-9);
+    }
+
+    /// Three columns, against the formula at the head of this file in matrices.
+    #[test]
+    fn the_ratio_of_several_columns_is_the_formula() {
+        let suspect = suspect(3, 0.7);
+        let x = DMatrix::from_fn(5, 3, |i, j| ((i * 3 + j) as f64).sin());
+        let y = DVector::from_fn(5, |i, _| (i as f64).cos());
+        let (a, z) = (x.transpose() * &x, x.transpose() * &y);
+        let products = [a[(0, 0)], a[(0, 1)], a[(1, 1)], a[(0, 2)], a[(1, 2)], a[(2, 2)]];
+        let sums = Carried::with_sums(z.as_slice(), &products);
+        let s = 0.7 * 3.0;
+        let inner = DMatrix::identity(3, 3) + &a * (s * s);
+        let quadratic = (z.transpose() * inner.clone().try_inverse().unwrap() * &z)[0] * s * s;
+        let expected = 0.5 * (quadratic - inner.determinant().ln());
+        assert!((ln_ratio(&suspect, &sums, 3.0, 0.0) - expected).abs() < 1e-12);
+    }
+
+    /// One column with a range: the integral over the part of the prior that a rig can have.
+    #[test]
+    fn what_no_rig_can_have_is_not_integrated_over() {
+        let (x, y) = ([0.3, -1.0, 2.0, 0.4], [0.5, -0.2, 1.7, 0.1]);
+        let information: f64 = x.iter().map(|x| x * x).sum();
+        let sigma = 0.7 * 3.0;
+        for (score_sign, range) in
+            [(1.0, (-0.2, 5.0)), (-1.0, (-0.2, 5.0)), (1.0, (-9.0, 0.1)), (1.0, (0.0, f64::INFINITY))]
+        {
+            let score: f64 = score_sign * x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
+            let suspect = Suspect { range: vec![range], ..suspect(1, 0.7) };
+            let sums = Carried::with_sums(&[score], &[information]);
+            let (mut integral, mut mass) = (0.0, 0.0);
+            for k in -200_000..200_000 {
+                let phi = (f64::from(k) + 0.5) * 1e-4;
+                if phi < range.0 || phi > range.1 {
+                    continue;
+                }
+                let prior = (-0.5 * (phi / sigma).powi(2)).exp();
+                mass += prior;
+                integral += prior * (phi * score - 0.5 * phi * phi * information).exp();
+            }
+            let (found, expected) = (ln_ratio(&suspect, &sums, 3.0, 0.0), (integral / mass).ln());
+            assert!((found - expected).abs() < 1e-3, "{score_sign} {range:?}: {found}, not {expected}");
+        }
+    }
+
+    /// Readings that are always off by less than what is allowed are no news, however many; a clear one is.
+    #[test]
+    fn a_small_error_that_lasts_is_no_evidence() {
+        let suspect = suspect(1, 0.7);
+        let ratio = |per_reading: f64, count: f64| {
+            let sums = Carried::with_sums(&[per_reading * count], &[count]).with_absolute(&[count]);
+            (ln_ratio(&suspect, &sums, 1.0, 0.2), ln_ratio(&suspect, &sums, 1.0, 0.0))
+        };
+        for count in [1e2, 1e4, 1e6] {
+            let (discounted, plain) = ratio(0.15, count);
+            assert!(discounted < 0.0 && (count < 1e4 || plain > 50.0), "{discounted} {plain}");
+            assert!(ratio(1.0, count).0 > 0.3 * count - 8.0);
+        }
+    }
+}
