@@ -10,6 +10,7 @@
 //! likelihood does not.
 
 mod conclusion;
+mod contact;
 mod findings;
 mod parameters;
 mod readings;
@@ -19,12 +20,13 @@ mod wheels;
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_prediction::{Settings, fit};
 use whorl_recording::Recording;
-use whorl_trajectory::{Needs, check};
+use whorl_trajectory::{Needs, Refusal, check};
 use whorl_validation::{Comparison, ValidationError, compare};
 
 use crate::finding::{DataError, Finding};
 use crate::mass_parameters::{MASS_PARAMETERS, MassCovariance, MassVector};
 use conclusion::{Fit, conclude};
+use contact::between_touches;
 use parameters::Parameters;
 pub use readings::usable_readings;
 pub use updated::UpdateError;
@@ -141,12 +143,12 @@ pub fn identify(
     prior: &ModelPrior,
     settings: &Settings,
 ) -> Result<Identification, DataError> {
-    let (recordings, mut findings) = usable(runs, model)?;
-    let before = compared(&recordings, model)?;
+    let Usable { whole, pieces: recordings, mut findings } = usable(runs, model)?;
+    let before = compared(&whole, model)?;
     let parameters = Parameters::new(model, prior, &recordings);
     let fitted = fitted(&recordings, &parameters, settings)?;
     let after = match parameters.written(&fitted.at) {
-        Some(model) => compared(&recordings, &model)?,
+        Some(model) => compared(&whole, &model)?,
         None => before.clone(),
     };
     findings.extend(findings::of_fit(&after));
@@ -168,11 +170,11 @@ pub fn predict(
     prior: &ModelPrior,
     settings: &Settings,
 ) -> Result<Identification, DataError> {
-    let (recordings, findings) = usable(runs, model)?;
+    let Usable { whole, pieces: recordings, findings } = usable(runs, model)?;
     let parameters = Parameters::new(model, prior, &recordings);
     // No step is taken: the information is that at the model.
     let fitted = fitted(&recordings, &parameters, &Settings { fit_rounds: 0, ..*settings })?;
-    let error = error(&compared(&recordings, model)?);
+    let error = error(&compared(&whole, model)?);
     Ok(conclude(&Fit {
         parameters,
         prior,
@@ -183,15 +185,31 @@ pub fn predict(
     }))
 }
 
-fn usable(runs: &[&Recording], model: &PlatformModel) -> Result<(Vec<Recording>, Vec<Finding>), DataError> {
-    let (mut recordings, mut findings) = (Vec::new(), Vec::new());
+/// Runs without readings that say nothing.
+struct Usable {
+    whole: Vec<Recording>,
+    /// The same away from the bearing's stop.
+    pieces: Vec<Recording>,
+    findings: Vec<Finding>,
+}
+
+fn usable(runs: &[&Recording], model: &PlatformModel) -> Result<Usable, DataError> {
+    let mut usable = Usable { whole: Vec::new(), pieces: Vec::new(), findings: Vec::new() };
     for run in runs {
         check(run, model, &NEEDS)?;
-        recordings.push(usable_readings(run, model, &mut findings));
+        let whole = usable_readings(run, model, &mut usable.findings);
+        // What is left must do as well.
+        check(&whole, model, &NEEDS)?;
+        let pieces = between_touches(whole.clone(), model, &mut usable.findings);
+        let duration_s: f64 = pieces.iter().map(Recording::duration_s).sum();
+        if duration_s < NEEDS.shortest_s {
+            let run = format!("{}, away from the stop of the bearing", run.name);
+            return Err(Refusal::TooShort { run, duration_s, needed_s: NEEDS.shortest_s }.into());
+        }
+        usable.whole.push(whole);
+        usable.pieces.extend(pieces);
     }
-    // What is left must do as well.
-    recordings.iter().try_for_each(|run| check(run, model, &NEEDS))?;
-    Ok((recordings, findings))
+    Ok(usable)
 }
 
 fn fitted(
