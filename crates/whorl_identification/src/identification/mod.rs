@@ -101,7 +101,7 @@ pub struct Identification {
     pub effects: Vec<FittedParameter>,
     /// Constants of the actuators, as corrections of the model's.
     pub actuators: Vec<FittedParameter>,
-    /// Prediction error with the given model, the same as `whorl compare` prints; 1 = as good as the model says. `None` if no
+    /// Prediction error with the given model, the same as `whorl compare` prints, away from the bearing's stop; 1 = as good as the model says. `None` if no
     /// run is long enough.
     pub error_before: Option<f64>,
     /// The same with what was identified.
@@ -143,12 +143,12 @@ pub fn identify(
     prior: &ModelPrior,
     settings: &Settings,
 ) -> Result<Identification, DataError> {
-    let Usable { whole, pieces: recordings, mut findings } = usable(runs, model)?;
-    let before = compared(&whole, model)?;
+    let Usable { pieces: recordings, mut findings } = usable(runs, model)?;
+    let before = compared(&recordings, model)?;
     let parameters = Parameters::new(model, prior, &recordings);
     let fitted = fitted(&recordings, &parameters, settings)?;
     let after = match parameters.written(&fitted.at) {
-        Some(model) => compared(&whole, &model)?,
+        Some(model) => compared(&recordings, &model)?,
         None => before.clone(),
     };
     findings.extend(findings::of_fit(&after));
@@ -170,11 +170,11 @@ pub fn predict(
     prior: &ModelPrior,
     settings: &Settings,
 ) -> Result<Identification, DataError> {
-    let Usable { whole, pieces: recordings, findings } = usable(runs, model)?;
+    let Usable { pieces: recordings, findings } = usable(runs, model)?;
     let parameters = Parameters::new(model, prior, &recordings);
     // No step is taken: the information is that at the model.
     let fitted = fitted(&recordings, &parameters, &Settings { fit_rounds: 0, ..*settings })?;
-    let error = error(&compared(&whole, model)?);
+    let error = error(&compared(&recordings, model)?);
     Ok(conclude(&Fit {
         parameters,
         prior,
@@ -187,26 +187,24 @@ pub fn predict(
 
 /// Runs without readings that say nothing.
 struct Usable {
-    whole: Vec<Recording>,
-    /// The same away from the bearing's stop.
+    /// Away from the bearing's stop.
     pieces: Vec<Recording>,
     findings: Vec<Finding>,
 }
 
 fn usable(runs: &[&Recording], model: &PlatformModel) -> Result<Usable, DataError> {
-    let mut usable = Usable { whole: Vec::new(), pieces: Vec::new(), findings: Vec::new() };
+    let mut usable = Usable { pieces: Vec::new(), findings: Vec::new() };
     for run in runs {
         check(run, model, &NEEDS)?;
         let whole = usable_readings(run, model, &mut usable.findings);
         // What is left must do as well.
         check(&whole, model, &NEEDS)?;
-        let pieces = between_touches(whole.clone(), model, &mut usable.findings);
+        let pieces = between_touches(whole, model, &mut usable.findings);
         let duration_s: f64 = pieces.iter().map(Recording::duration_s).sum();
         if duration_s < NEEDS.shortest_s {
             let run = format!("{}, away from the stop of the bearing", run.name);
             return Err(Refusal::TooShort { run, duration_s, needed_s: NEEDS.shortest_s }.into());
         }
-        usable.whole.push(whole);
         usable.pieces.extend(pieces);
     }
     Ok(usable)
