@@ -14,6 +14,7 @@ mod links;
 mod live;
 mod many_participants;
 mod node_deaths;
+mod operator;
 mod policies;
 mod recorder;
 mod replay_backend;

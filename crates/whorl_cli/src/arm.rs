@@ -1,18 +1,13 @@
 //! `whorl arm` and `whorl disarm`: whether platforms may move.
 
-use std::time::Duration;
-
 use anyhow::bail;
 use clap::Args;
 use whorl_params::Value;
 use whorl_ros::environment::Network;
-use whorl_ros::{ParameterClient, Participant};
+use whorl_ros::{ParameterClient, ParameterClientError, Participant, RosError};
 use whorl_security::policy::OPERATOR;
 
 use crate::output::say;
-
-/// How long a driver may take to be found and to answer.
-const TIMEOUT: Duration = Duration::from_secs(5);
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -33,10 +28,20 @@ pub fn set(platforms: &[String], armed: bool) -> anyhow::Result<()> {
         let client = |platform: &String| ParameterClient::new(participant, &format!("/{platform}/driver"));
         platforms.iter().map(client).collect::<Result<Vec<_>, _>>()
     };
-    let (participant, clients) = Participant::with(&network, clients)?;
+    let mut answers = Vec::new();
+    Participant::ask(&network, clients, |participant, clients, time| {
+        // Who has answered is not asked again where DDS got stuck meanwhile.
+        for client in clients.iter().skip(answers.len()) {
+            match client.set(participant, "armed", &Value::Bool(armed), time) {
+                Err(ParameterClientError::Ros(error @ RosError::Stuck { .. })) => return Err(error),
+                answer => answers.push(answer),
+            }
+        }
+        Ok(())
+    })?;
     let mut failed = Vec::new();
-    for (platform, client) in platforms.iter().zip(&clients) {
-        match client.set(&participant, "armed", &Value::Bool(armed), TIMEOUT) {
+    for (platform, answer) in platforms.iter().zip(answers) {
+        match answer {
             Ok(()) => say!("{platform}: {}", if armed { "armed" } else { "disarmed" }),
             Err(error) => failed.push(format!("{platform}: {error}")),
         }

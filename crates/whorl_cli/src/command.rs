@@ -1,7 +1,5 @@
 //! `whorl start`, `whorl hold` and `whorl abort`: the coordinator's services.
 
-use std::time::Duration;
-
 use anyhow::bail;
 use serde::Serialize;
 use whorl_msgs::topics::{ExperimentResponse, Service};
@@ -11,9 +9,6 @@ use whorl_ros::{Participant, ServiceClient};
 use whorl_security::policy::OPERATOR;
 
 use crate::output::say;
-
-/// How long the coordinator may take to be found and to answer.
-const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Carries out `whorl start`.
 pub fn start(experiment: String) -> anyhow::Result<()> {
@@ -51,8 +46,10 @@ pub fn request_hold(reason: String) -> anyhow::Result<String> {
 
 fn call(service: Service, request: &impl Serialize) -> anyhow::Result<String> {
     let client = |participant: &_| ServiceClient::new(participant, service.name(), service.type_name());
-    let (participant, client) = Participant::with(&Network::from_environment()?.secured(OPERATOR)?, client)?;
-    let response: ExperimentResponse = client.call(&participant, request, TIMEOUT)?;
+    let network = Network::from_environment()?.secured(OPERATOR)?;
+    let response: ExperimentResponse = Participant::ask(&network, client, |participant, client, time| {
+        client.call(participant, request, time)
+    })?;
     if !response.success {
         bail!("{}", response.message);
     }

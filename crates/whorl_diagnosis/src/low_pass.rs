@@ -2,7 +2,8 @@
 //!
 //! Data sheets and drivers state a bandwidth, or an averaging window. A filter delays what is behind it by its time constant; a window
 //! that is stamped in its middle does not delay at all, and by that time a controller's answers, tilt and rates disagree. The samples
-//! themselves tell the two apart, and nothing else does: bins of them are as wide as the delay.
+//! themselves tell the two apart, and nothing else does: bins of them are as wide as the delay. A window stamped at its end is late by
+//! half its length: a time constant that does not delay is therefore half of a window, or nothing.
 
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::platform::TriaxialErrors;
@@ -49,7 +50,15 @@ pub(crate) fn without_those_that_do_not_delay(
     let smoothed = DiagnosisError::possible(base_point_with(&mut problem.clone(), &mut None))?;
     let start = smoothed.map_or_else(|| vec![0.0; refit.columns.len()], |point| refit.units_of(&point));
     let Some(as_stated) = fitted(reference, &start)? else { return Ok(None) };
-    let (mut best, mut most) = (None, as_stated.log_posterior + DOUBT_NATS);
+    // The likeliest so far: the model if it is another one, values, and how likely they are.
+    let mut best: (Option<Reference>, Vec<f64>, f64) =
+        (None, as_stated.at.clone(), as_stated.log_posterior + DOUBT_NATS);
+    let try_other = |other: Reference, best: &mut (Option<Reference>, Vec<f64>, f64), from: &[f64]| {
+        if let Some(found) = fitted(&other, from)?.filter(|found| found.log_posterior > best.2) {
+            *best = (Some(other), found.at, found.log_posterior);
+        }
+        Ok::<(), DiagnosisError>(())
+    };
     for kept in [[false, false], [true, false], [false, true]] {
         // Each that is stated, and all of them.
         let changes = kept.iter().zip(given).any(|(kept, given)| given && !kept);
@@ -58,33 +67,45 @@ pub(crate) fn without_those_that_do_not_delay(
             continue;
         }
         let mut other = reference.clone();
-        let errors = inertial_errors(&mut other.model);
-        errors
-            .into_iter()
-            .zip(kept)
-            .filter(|(_, kept)| !kept)
-            .for_each(|(errors, _)| errors.time_constant_s = 0.0);
-        let Some(found) = fitted(&other, &as_stated.at)? else { continue };
-        if found.log_posterior > most {
-            (best, most) = (Some(other.model), found.log_posterior);
+        for (errors, _) in inertial_errors(&mut other.model).into_iter().zip(kept).filter(|(_, kept)| !kept) {
+            errors.averaging_window_s = 2.0 * errors.time_constant_s;
+            errors.time_constant_s = 0.0;
         }
+        try_other(other, &mut best, &as_stated.at)?;
     }
-    Ok(best)
+    if let (Some(mut other), from, _) = best.clone() {
+        for (errors, stated_s) in inertial_errors(&mut other.model).into_iter().zip(windows(&reference.model))
+        {
+            errors.averaging_window_s = stated_s;
+        }
+        best.2 += DOUBT_NATS;
+        try_other(other, &mut best, &from)?;
+    }
+    Ok(best.0.map(|best| best.model))
 }
 
 /// What that means for whoever stated it.
 pub(crate) fn remarks(stated: &PlatformModel, shown: &PlatformModel) -> Vec<String> {
     let names = ["gyro", "accelerometer"];
-    let of_sensors = delays(stated).into_iter().zip(delays(shown)).zip(names);
-    let wrong = of_sensors.filter(|((stated_s, shown_s), _)| stated_s != shown_s);
+    let of_sensors = delays(stated).into_iter().zip(delays(shown)).zip(windows(shown)).zip(names);
+    let wrong = of_sensors.filter(|(((stated_s, shown_s), _), _)| stated_s != shown_s);
     wrong
-        .map(|((stated_s, _), name)| {
+        .map(|(((stated_s, _), window_s), name)| {
+            let instead = if window_s > 0.0 {
+                format!("as means over a window of {} ms that is stamped in its middle (averaging_window_s)", window_s * 1e3)
+            } else {
+                "without any".to_owned()
+            };
             format!(
-                "the {name} does not delay by its time constant of {} ms as the model says: its samples are likelier without, as where an averaging window is stamped in its middle, and so they are taken",
+                "the {name} does not delay by its time constant of {} ms as the model says: its samples are likelier {instead}, and so they are taken",
                 stated_s * 1e3
             )
         })
         .collect()
+}
+
+fn windows(model: &PlatformModel) -> [f64; 2] {
+    [model.sensors.gyro.errors.averaging_window_s, model.sensors.accelerometer.errors.averaging_window_s]
 }
 
 fn delays(model: &PlatformModel) -> [f64; 2] {

@@ -94,6 +94,7 @@ impl Ahead {
             self.stretch = None;
             return;
         }
+        stretch.plant.average_readings(case.mean_inputs(now_ns));
         for row in filter.rows_of(&stretch.plant, &stretch.beside, due) {
             let is_at_horizon = is_at_horizon(row.track, row.sample);
             if !(self.is_shown || is_at_horizon) {

@@ -135,9 +135,9 @@ impl<'a> Columns<'a> {
         Sums { information: self.information, slope: -self.slope, of_start: self.of_start.transpose() }
     }
 
-    /// Before a step that ends at an instant: how every varied model acts in the filter's state, or where more happens within the step
+    /// Before a step that ends at an instant, on the way to that of the next readings: how every varied model acts in the filter's state, or where more happens within the step
     /// than that shows, the model in the state that the filter would have with it.
-    pub fn set_out(&mut self, case: &Prepared<'_>, plant: &Plant, end_ns: i64) {
+    pub fn set_out(&mut self, case: &Prepared<'_>, plant: &Plant, end_ns: i64, instant_ns: i64) {
         let n = self.rates.len();
         self.reference.plant.take_motion_of(plant, &[]);
         let step_s = (end_ns - plant.now_ns()) as f64 * 1e-9;
@@ -155,14 +155,14 @@ impl<'a> Columns<'a> {
                 if jets_rest && other.differs == Differs::InJets && other.with.is_steady_until(case, end_ns) {
                     continue;
                 }
-                other.with.plant.take_motion_of(plant, &[]);
+                other.with.take_motion_of(plant, &[], instant_ns);
                 if other.with.is_steady_until(case, end_ns) && other.with.plant.holds_wheels_of(plant) {
                     other.does = Does::Act(other.with.plant.acts());
                     continue;
                 }
             }
             let moved = row.columns(0, n).transpose() * other.step;
-            other.take_motion_of(plant, moved.as_slice());
+            other.take_motion_of(plant, moved.as_slice(), instant_ns);
             other.does = Does::Step;
         }
     }
@@ -285,7 +285,7 @@ impl<'a> Columns<'a> {
                 }
                 continue;
             }
-            other.take_motion_of(plant, &here);
+            other.take_motion_of(plant, &here, plant.now_ns());
             if !other.with.plant.is_on_branch_of(plant) {
                 continue;
             }

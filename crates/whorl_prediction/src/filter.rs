@@ -169,6 +169,8 @@ impl<'a> Filter<'a> {
     /// Goes to the next instant at which anything was read.
     pub fn go(&mut self) -> Option<i64> {
         let instant_ns = self.next_ns()?;
+        // What is read then is known before: what a platform does there is what others begin with.
+        self.plant.average_readings(self.case.mean_inputs(instant_ns));
         self.propagate(instant_ns);
         (!self.lost).then_some(instant_ns)
     }

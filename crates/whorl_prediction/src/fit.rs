@@ -103,6 +103,8 @@ struct Climbed {
     /// The recordings' starts there.
     starts: Vec<Start>,
     is_top: bool,
+    /// Too little was promised to become as likely as it should.
+    is_hopeless: bool,
     information: DMatrix<f64>,
 }
 
@@ -166,7 +168,11 @@ impl Search<'_> {
             if best.stands {
                 break;
             }
-            let Climbed { at, starts, is_top, information } = self.climbed(&levels, round == 0, least)?;
+            let Climbed { at, starts, is_top, is_hopeless, information } =
+                self.climbed(&levels, round == 0, least)?;
+            if is_hopeless {
+                break;
+            }
             if at == levels.at {
                 if round == 0 {
                     // Too little was promised for a rough look.
@@ -217,6 +223,13 @@ impl Search<'_> {
         let (mut at, mut runs) = (begun.at.clone(), begun.runs());
         let starts = |runs: Vec<(Noise, Start)>| runs.into_iter().map(|(_, start)| start).collect();
         let mut here = self.passes(&at, &runs)?;
+        let ended = |at, runs, is_top, is_hopeless, information| Climbed {
+            at,
+            starts: starts(runs),
+            is_top,
+            is_hopeless,
+            information,
+        };
         for _ in 0..settings.fit_steps {
             let log = here.log_likelihood() + self.log_prior(&at);
             let slope = here.slope(parameters, &at);
@@ -224,11 +237,11 @@ impl Search<'_> {
             let information = here.information(parameters);
             let Some(step) = solved(&information, &slope, &held) else { break };
             if 0.5 * step.dot(&slope) <= stands_nats * here.misfit() {
-                return Ok(Climbed { at, starts: starts(runs), is_top: true, information });
+                return Ok(ended(at, runs, true, false, information));
             }
             // Twice what a parabola promises.
             if log + step.dot(&slope) < least {
-                break;
+                return Ok(ended(at, runs, false, true, information));
             }
             // The change of gains is no part of the slope: at the top nothing is likelier in its direction.
             let is_close = 0.5 * step.dot(&slope) <= settings.fit_round_nats * here.misfit();
@@ -241,12 +254,12 @@ impl Search<'_> {
                 (passes.log_likelihood() + self.log_prior(&next) > log).then_some((next, next_runs, passes))
             });
             let Some(next) = tried else {
-                return Ok(Climbed { at, starts: starts(runs), is_top: is_close, information });
+                return Ok(ended(at, runs, is_close, false, information));
             };
             (at, runs, here) = next;
         }
         let information = here.information(parameters);
-        Ok(Climbed { at, starts: starts(runs), is_top: false, information })
+        Ok(ended(at, runs, false, false, information))
     }
 
     /// Which parameters stand at an end of their range that the slope does not lead away from.

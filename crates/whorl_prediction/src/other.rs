@@ -83,8 +83,9 @@ impl<'a> Other<'a> {
         Ok(Self { with, step: varied.step, late_s, behind, differs, turns_vectors, does: Does::Step })
     }
 
-    pub fn take_motion_of(&mut self, plant: &Plant, change: &[f64]) {
-        self.with.plant.take_motion_of(plant, change);
+    /// As [`OtherModel::take_motion_of`].
+    pub fn take_motion_of(&mut self, plant: &Plant, change: &[f64], instant_ns: i64) {
+        self.with.take_motion_of(plant, change, instant_ns);
         self.behind.iter().for_each(|behind| self.with.plant.move_behind_filter(behind));
     }
 

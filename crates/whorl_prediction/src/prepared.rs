@@ -1,7 +1,7 @@
 //! A recording and a model, ready to be predicted.
 
 use nalgebra::{Unit, Vector3};
-use whorl_dynamics::plant::Tangent;
+use whorl_dynamics::plant::{MeanInputs, Tangent};
 use whorl_dynamics::platform::SensorSuite;
 use whorl_dynamics::{Gyrostat, InitialState, Plant, PlatformModel};
 use whorl_recording::{Component, Mounting, Recording};
@@ -186,6 +186,12 @@ impl<'a> Prepared<'a> {
         &self.plant
     }
 
+    /// What drives the platform over the window of an accelerometer whose readings show this instant \[ns\]; `None` where they are no
+    /// means.
+    pub(crate) fn mean_inputs(&self, instant_ns: i64) -> Option<MeanInputs> {
+        mean_inputs(&self.commands, &self.model.sensors, instant_ns)
+    }
+
     /// Direction in the world of what a vector sensor sees.
     pub(crate) fn reference(&self, sensor: usize) -> Option<Unit<Vector3<f64>>> {
         self.recording.vectors.get(sensor).map(|vector| vector.reference_world)
@@ -216,6 +222,14 @@ pub(crate) struct OtherModel<'a> {
 }
 
 impl OtherModel<'_> {
+    /// Takes over the motion of the first model's plant before readings that show this instant \[ns\], a little changed or not at all.
+    pub fn take_motion_of(&mut self, plant: &Plant, change: &[f64], instant_ns: i64) {
+        self.plant.take_motion_of(plant, change);
+        if let Some(own) = &self.commands {
+            self.plant.average_readings(mean_inputs(own, &self.sensors, instant_ns));
+        }
+    }
+
     /// Tells it what is due by now; whether nothing else comes and no valve moves before an instant.
     pub fn is_steady_until(&mut self, case: &Prepared<'_>, time_ns: i64) -> bool {
         let commands = self.commands.as_ref().unwrap_or(&case.commands);
@@ -246,6 +260,13 @@ fn run_to(commands: &Commands<'_>, plant: &mut Plant, event: &mut usize, time_ns
         *event += 1;
     }
     plant.advance_to(time_ns.max(plant.now_ns())).is_ok()
+}
+
+/// Over the window of an accelerometer whose readings show this instant \[ns\]; `None` where they are no means.
+fn mean_inputs(commands: &Commands<'_>, sensors: &SensorSuite, instant_ns: i64) -> Option<MeanInputs> {
+    let window_s = sensors.accelerometer.errors.averaging_window_s;
+    let (middle_s, half_s) = (instant_ns as f64 * 1e-9, 0.5 * window_s);
+    (window_s > 0.0).then(|| commands.mean_between(middle_s - half_s, middle_s + half_s))
 }
 
 /// Valves, gas and commands as they are at the first reading, and the next command; the motion until then is nobody's.

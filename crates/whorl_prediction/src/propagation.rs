@@ -45,7 +45,7 @@ impl Filter<'_> {
             let end_ns = end_ns.min(to_ns);
             self.show_disturbance();
             if let Some(columns) = &mut self.columns {
-                columns.set_out(self.case, &self.plant, end_ns);
+                columns.set_out(self.case, &self.plant, end_ns, to_ns);
             }
             self.lost = !self.case.run_to(&mut self.plant, &mut self.event, end_ns);
             let h_s = (end_ns - from_ns) as f64 * 1e-9;

@@ -89,6 +89,11 @@ impl Connection {
         self.participant.is_alive()
     }
 
+    /// Whether they wait for each other for ever.
+    pub(crate) fn is_stuck(&self) -> bool {
+        self.participant.is_stuck()
+    }
+
     /// The same endpoints in a new participant, after the background threads of the old one have ended.
     pub(crate) fn rebuilt(&self, registry: &Registry) -> Result<Self, RosError> {
         self.rebuilt_on(self.participant.network(), registry)
@@ -173,9 +178,16 @@ impl Connection {
         }
     }
 
-    /// Fails with [`RosError::Stuck`] when a handshake does not end: then only a new participant helps.
+    /// Fails with [`RosError::Stuck`] when a handshake does not end and we lack something: then only a new participant
+    /// helps.
     fn look_at_handshakes(&mut self, now: Duration) -> Result<(), RosError> {
-        let Some(handshakes) = self.handshakes.as_mut().filter(|handshakes| handshakes.are_due(now)) else {
+        let lacks = self
+            .current
+            .subscriptions
+            .iter()
+            .any(|reader| self.matched.get(&reader.id()).is_none_or(HashSet::is_empty));
+        let Some(handshakes) = self.handshakes.as_mut().filter(|handshakes| lacks && handshakes.are_due(now))
+        else {
             return Ok(());
         };
         let endpoints =
@@ -218,7 +230,7 @@ impl Connection {
             PeerEvent::Left(peer) | PeerEvent::TimedOut(peer) => {
                 self.unmatch(|id| id.participant() == peer);
             }
-            PeerEvent::Discovered(_) => {}
+            PeerEvent::Authenticating(_) | PeerEvent::Rejected(_) | PeerEvent::Discovered(_) => {}
         }
         self.recovery.peer(now, event);
         if let Some(handshakes) = &mut self.handshakes {

@@ -5,10 +5,17 @@
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
+use std::time::Duration;
 
 use thiserror::Error;
 
 use crate::security::{self, Choice, SecurityRefusal};
+
+/// How long a node may take to be found and to answer: a participant of another system announces itself every 3 s.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// The same where keys are exchanged first: RustDDS announces a participant every 10 s and repeats a message of a handshake
+/// once a second, ten times; on a busy computer the first announcement may be lost.
+const PATIENCE_SECURED: Duration = Duration::from_secs(30);
 
 /// An environment variable with an invalid value.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -192,6 +199,12 @@ impl Network {
             }
         };
         Ok(Self { enclave: folder, ..self })
+    }
+
+    /// How long a node may take to be found and to answer.
+    #[must_use]
+    pub fn patience(&self) -> Duration {
+        if self.enclave.is_some() { PATIENCE_SECURED } else { PATIENCE }
     }
 
     /// Whether all traffic stays on this machine.

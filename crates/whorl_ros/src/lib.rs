@@ -43,6 +43,7 @@ mod participant;
 mod peers;
 mod raw;
 pub mod recovery;
+mod relay;
 mod requests;
 mod runner;
 mod security;
@@ -51,6 +52,7 @@ mod shell;
 mod sole;
 mod statistics;
 mod wake;
+mod watchdog;
 mod worker;
 
 pub use addresses::AddressWatch;

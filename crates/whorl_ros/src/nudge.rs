@@ -22,6 +22,8 @@ const MARK: [u8; 8] = *b"\x00\x00whorl\x00";
 
 /// Ids are used in turn: each has expired (after at most 4 s) when it is used again.
 const IDS: u32 = 8;
+/// Where traffic is secured, RustDDS refuses the dummy, and answers each id only once.
+const IDS_SECURED: u32 = u32::MAX / 2;
 
 /// Lease of a dummy participant [s].
 const NUDGE_LEASE_S: i32 = 1;
@@ -36,13 +38,13 @@ const PARTICIPANTS_PER_PEER: u16 = 12;
 
 /// RustDDS announces itself to this many participants of this machine (`SPDP_LOCALHOST_PEER_COUNT`), where the
 /// loopback interface carries no multicast; two that both have a higher number would never meet.
-const TOLD_BY_RUSTDDS: u16 = 12;
+pub(crate) const TOLD_BY_RUSTDDS: u16 = 12;
 
 /// Largest number of participants on one machine: ten platforms with three nodes each, and a few more.
-const PARTICIPANTS_HERE: u16 = 36;
+pub(crate) const PARTICIPANTS_HERE: u16 = 36;
 
 /// Where a participant receives announcements: RTPS 9.6.2.3.
-fn announcement_port(domain_id: u16, participant: u16) -> u16 {
+pub(crate) fn announcement_port(domain_id: u16, participant: u16) -> u16 {
     7400 + 250 * domain_id + 10 + 2 * participant
 }
 
@@ -57,6 +59,7 @@ pub(crate) struct Nudge {
     to_others: Vec<UdpSocket>,
     static_peers: Vec<Ipv4Addr>,
     domain_id: u16,
+    ids: u32,
     count: u32,
 }
 
@@ -70,6 +73,7 @@ impl Nudge {
             to_others: outward_addresses(network).into_iter().filter_map(|a| socket(a).ok()).collect(),
             static_peers: network.static_peers.clone(),
             domain_id: network.domain_id,
+            ids: if network.enclave.is_some() { IDS_SECURED } else { IDS },
             count: 0,
         };
         for (index, peer) in network.static_peers.iter().enumerate() {
@@ -78,7 +82,8 @@ impl Nudge {
             let message = announcement(id, 1, INFINITE_S, READS_ANNOUNCEMENTS, &locators);
             nudge.deliver(own, &message);
         }
-        if network.is_localhost() {
+        // Secured participants refuse what is announced without a certificate; they have a relay.
+        if network.is_localhost() && network.enclave.is_none() {
             for other in (TOLD_BY_RUSTDDS..PARTICIPANTS_HERE).filter(|other| *other != own) {
                 // Of the loopback addresses of a participant RustDDS takes the first: one id for each.
                 let place = SocketAddrV4::new(Ipv4Addr::LOCALHOST, announcement_port(nudge.domain_id, other));
@@ -102,7 +107,7 @@ impl Nudge {
 
     /// Makes our participant, and those that hear us, announce themselves within some 10 ms.
     pub(crate) fn send(&mut self, participant_number: u16) {
-        let (id, number) = (self.count % IDS, self.count / IDS + 1);
+        let (id, number) = (self.count % self.ids, self.count / self.ids + 1);
         self.count = self.count.wrapping_add(1);
         // An address is mandatory; nothing is ever sent to it, as no endpoint is offered.
         let nowhere = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 9);

@@ -1,7 +1,7 @@
 //! The process on the DDS network: creates readers and writers, and lists the other participants.
 
 use std::net::IpAddr;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 #[cfg(feature = "security")]
 use ros2_client::dds::rustdds::DomainParticipantSecurityConfigFiles;
@@ -21,6 +21,7 @@ use crate::names;
 use crate::nudge::Nudge;
 use crate::peers::PeerEvent;
 use crate::raw::{EndpointId, RawCdr, RawReader, RawWriter};
+use crate::relay::Relay;
 use crate::worker::{Kept, LONGEST_CREATION, Worker};
 
 /// How an endpoint is created, beyond what the table of topics says.
@@ -97,6 +98,9 @@ impl DiscoveredEndpoint {
 const ATTEMPTS: usize = 5;
 /// How long DDS may take to join the network: RustDDS itself gives its threads 10 s to begin.
 const LONGEST_JOINING: Duration = Duration::from_secs(12);
+/// How long DDS may take to say whom it knows: it holds that table for milliseconds, and sleeps for 100 ms at a time where
+/// traffic is secured.
+const LONGEST_LOOK: Duration = Duration::from_secs(4);
 /// How long DDS may take to say goodbye and end its threads.
 const LONGEST_FAREWELL: Duration = Duration::from_secs(2);
 
@@ -106,6 +110,7 @@ pub struct Participant {
     entities: Kept<Entities>,
     network: Network,
     worker: Worker,
+    _relay: Option<Relay>,
 }
 
 #[derive(Clone)]
@@ -146,10 +151,12 @@ impl Participant {
         let worker = Worker::start().map_err(RosError::io("starting a thread"))?;
         let joining = format!("joining domain {}", network.domain_id);
         let own = network.clone();
+        // Before DDS chooses our number.
+        let relay = Relay::for_network(network)?;
         let entities = worker
             .run(LONGEST_JOINING, move || Entities::new(&own))
             .ok_or(RosError::Stuck { doing: joining })??;
-        Ok(Self { entities: worker.keep(entities), network: network.clone(), worker })
+        Ok(Self { entities: worker.keep(entities), network: network.clone(), worker, _relay: relay })
     }
 
     /// Reads a ROS topic, e.g. `/whorl_1/imu/data_raw` of `sensor_msgs/msg/Imu`.
@@ -209,13 +216,43 @@ impl Participant {
         }
     }
 
+    /// What the participant knows of the others; nothing when it is stuck.
+    fn look<T: Send + 'static>(&self, look: fn(&DomainParticipant) -> Vec<T>) -> Vec<T> {
+        let participant = self.entities.participant.clone();
+        self.worker.run(LONGEST_LOOK, move || look(&participant)).unwrap_or_default()
+    }
+
+    /// Whether DDS has locked up; then only a new participant helps.
+    #[must_use]
+    pub fn is_stuck(&self) -> bool {
+        self.worker.is_stuck()
+    }
+
+    /// Joins the network, creates endpoints, and asks somebody with them, who is given as long as is left of
+    /// [`Network::patience`]; anew when DDS gets stuck meanwhile.
+    ///
+    /// # Errors
+    /// As [`Self::with`] and `ask`.
+    pub fn ask<C, T>(
+        network: &Network,
+        mut create: impl FnMut(&Self) -> Result<C, RosError>,
+        mut ask: impl FnMut(&Self, &C, Duration) -> Result<T, RosError>,
+    ) -> Result<T, RosError> {
+        let deadline = Instant::now() + network.patience();
+        loop {
+            let (participant, endpoints) = Self::with(network, &mut create)?;
+            let left = deadline.saturating_duration_since(Instant::now());
+            match ask(&participant, &endpoints, left) {
+                Err(RosError::Stuck { .. }) if Instant::now() < deadline => {}
+                other => return other,
+            }
+        }
+    }
+
     /// Every writer known on the network, sorted by topic.
     #[must_use]
     pub fn discovered_writers(&self) -> Vec<DiscoveredEndpoint> {
-        if self.worker.is_stuck() {
-            return Vec::new();
-        }
-        let writers = self.entities.participant.discovered_writers();
+        let writers = self.look(DomainParticipant::discovered_writers);
         let mut list: Vec<_> = writers
             .into_iter()
             .map(|w| DiscoveredEndpoint {
@@ -232,10 +269,7 @@ impl Participant {
     /// Every reader known on the network, sorted by topic.
     #[must_use]
     pub fn discovered_readers(&self) -> Vec<DiscoveredEndpoint> {
-        if self.worker.is_stuck() {
-            return Vec::new();
-        }
-        let readers = self.entities.participant.discovered_readers();
+        let readers = self.look(DomainParticipant::discovered_readers);
         let mut list: Vec<_> = readers
             .into_iter()
             .map(|r| DiscoveredEndpoint {
@@ -255,10 +289,7 @@ impl Participant {
     /// Announced addresses at which the others receive messages.
     #[must_use]
     pub fn addresses_of_peers(&self) -> Vec<IpAddr> {
-        if self.worker.is_stuck() {
-            return Vec::new();
-        }
-        let readers = self.entities.participant.discovered_readers();
+        let readers = self.look(DomainParticipant::discovered_readers);
         let mut list: Vec<IpAddr> = readers
             .iter()
             .filter(|r| {
@@ -294,6 +325,15 @@ impl Participant {
                 }
                 Event::ReaderLost { guid, .. } => PeerEvent::ReaderLost(guid.into()),
                 Event::WriterLost { guid, .. } => PeerEvent::WriterLost(guid.into()),
+                #[cfg(feature = "security")]
+                Event::Authentication { participant, status } => {
+                    // The type of `status` has no public name.
+                    match format!("{status:?}").as_str() {
+                        "Authenticating" => PeerEvent::Authenticating(prefix(participant.as_ref())),
+                        "Rejected" => PeerEvent::Rejected(prefix(participant.as_ref())),
+                        _ => continue,
+                    }
+                }
                 _ => continue,
             };
             match event {
@@ -306,9 +346,14 @@ impl Participant {
 
     /// Whether the background threads of DDS still run. RustDDS 0.15 ends them when a system call
     /// is interrupted, as it is when the process is stopped and continued (Ctrl-Z and `fg`); what is
-    /// written then goes nowhere, without an error.
+    /// written then goes nowhere, without an error. Nor do they run when they wait for each other, which is noticed some
+    /// seconds later, if this is called at least once a second.
     #[must_use]
     pub fn is_alive(&self) -> bool {
+        let participant = self.entities.participant.clone();
+        if !self.worker.probe(LONGEST_LOOK, move || drop(participant.discovered_topics())) {
+            return false;
+        }
         self.entities.participant.assert_liveliness().is_ok()
     }
 

@@ -8,6 +8,10 @@ pub type ParticipantPrefix = [u8; 12];
 /// A change among the other processes on the network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PeerEvent {
+    /// Keys are being exchanged with a participant; until that has ended it is not [`Self::Discovered`].
+    Authenticating(ParticipantPrefix),
+    /// The keys of a participant are not those of this network.
+    Rejected(ParticipantPrefix),
     /// A participant was seen for the first time, or again after it had been dropped.
     Discovered(ParticipantPrefix),
     /// A participant said goodbye.

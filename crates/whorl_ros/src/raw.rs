@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use mio::{Interest, Registry, Token, event::Source};
 use ros2_client::dds::rustdds::{
-    GUID, RTPSEntity, RepresentationIdentifier, Timestamp as DdsTimestamp, WriteOptionsBuilder,
+    DataWriterStatus, GUID, RTPSEntity, RepresentationIdentifier, StatusEvented, Timestamp as DdsTimestamp,
+    WriteOptionsBuilder,
     bytes::Bytes,
     no_key::{DataWriter, Decode, DefaultDecoder, DeserializerAdapter, SerializerAdapter, SimpleDataReader},
     rpc::SampleIdentity,
@@ -223,6 +224,14 @@ impl RawWriter {
         self.writer
             .write_with_options(payload, options)
             .map_err(|error| RosError::dds(format!("writing {}", self.topic), error))
+    }
+
+    /// Whether a reader was matched since the last call: what is written from then on reaches it.
+    pub(crate) fn has_new_reader(&self) -> bool {
+        std::iter::from_fn(|| self.writer.try_recv_status())
+            .filter(|status| matches!(status, DataWriterStatus::PublicationMatched { .. }))
+            .count()
+            > 0
     }
 
     /// Waits until every reliable reader has what was written, at most `timeout`; false if it ran

@@ -21,6 +21,7 @@ use crate::parameters::ParameterSet;
 use crate::recovery::Reason;
 use crate::shell::{Read, Shell};
 use crate::wake::{self, Alarm, Signals};
+use crate::watchdog::Watchdog;
 
 const SIGNALS: Token = Token(0);
 const ALARM: Token = Token(1);
@@ -36,6 +37,8 @@ const SILENCE_CHECK: Duration = Duration::from_secs(5);
 const DIAGNOSTICS: Duration = Duration::from_secs(1);
 /// Why a connection is rebuilt after the process was stopped and continued.
 const INTERRUPTED: &str = "the background threads of DDS had been interrupted";
+/// Why, after they have stopped for good, each waiting for the other.
+const LOCKED_UP: &str = "the background threads of DDS had locked up";
 
 /// Why, after its addresses changed.
 const READDRESSED: &str = "the addresses of this computer have changed";
@@ -52,6 +55,7 @@ pub(crate) struct Runner<C: Configurable> {
     continued: Signals,
     wakers: Vec<UnixStream>,
     addresses: Option<AddressWatch>,
+    watchdog: Watchdog,
 }
 
 impl<C: Configurable> Runner<C> {
@@ -88,7 +92,20 @@ impl<C: Configurable> Runner<C> {
         let connection = Connection::new(context.network(), plan, poll.registry())?;
         let period = shell.timer_period().unwrap_or_default();
         let schedule = Schedule::new(monotonic(), period);
-        Ok(Self { shell, connection, schedule, period, poll, alarm, signals, continued, wakers, addresses })
+        let watchdog = Watchdog::start(context.name().full())?;
+        Ok(Self {
+            shell,
+            connection,
+            schedule,
+            period,
+            poll,
+            alarm,
+            signals,
+            continued,
+            wakers,
+            addresses,
+            watchdog,
+        })
     }
 
     /// Runs until the core has finished or a signal comes.
@@ -109,6 +126,7 @@ impl<C: Configurable> Runner<C> {
         let mut silence_check = housekeeping + SILENCE_CHECK;
         let mut silence = None;
         while !self.shell.stop {
+            self.watchdog.turn();
             let next_firing = self.schedule.map_or(housekeeping, |s| s.next().min(housekeeping));
             self.alarm.set(next_firing)?;
             match self.poll.poll(&mut events, None) {
@@ -148,13 +166,16 @@ impl<C: Configurable> Runner<C> {
             if now >= diagnostics {
                 diagnostics = now + DIAGNOSTICS;
                 if !self.connection.is_alive() {
-                    self.rebuild_connection(INTERRUPTED)?;
+                    let why = if self.connection.is_stuck() { LOCKED_UP } else { INTERRUPTED };
+                    self.rebuild_connection(why)?;
                 }
                 self.shell.report(&self.connection);
             }
             housekeeping =
                 now + if self.connection.is_renewing() { HOUSEKEEPING_WHILE_RENEWING } else { HOUSEKEEPING };
         }
+        // What follows has limits of its own.
+        self.watchdog.waits(true);
         self.shell.step(&self.connection, Event::Shutdown);
         self.shell.say(&self.connection, LogLevel::Info, "stopped".to_owned());
         let failure = self.shell.core.failure();
@@ -210,7 +231,9 @@ impl<C: Configurable> Runner<C> {
             Ok(None) => Ok(()),
             Ok(Some(network)) => {
                 self.shell.step(&self.connection, Event::Interruption);
+                self.watchdog.waits(true);
                 self.connection = self.connection.rebuilt_on(&network, self.poll.registry())?;
+                self.watchdog.waits(false);
                 self.rejoined(READDRESSED);
                 Ok(())
             }
@@ -225,7 +248,9 @@ impl<C: Configurable> Runner<C> {
     fn rebuild_connection(&mut self, reason: &str) -> Result<(), RosError> {
         // Joining takes from a tenth of a second to several, in which nothing is watched.
         self.shell.step(&self.connection, Event::Interruption);
+        self.watchdog.waits(true);
         self.connection = self.connection.rebuilt(self.poll.registry())?;
+        self.watchdog.waits(false);
         self.rejoined(reason);
         Ok(())
     }

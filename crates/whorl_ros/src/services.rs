@@ -5,7 +5,7 @@
 //! Cyclone DDS puts 16 bytes in front of the payload (half the client's id, a count). We answer
 //! each client in the way it asked, told apart by the vendor number in its id.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::time::{Duration, Instant};
 
 use ros2_client::dds::rustdds::{SequenceNumber, rpc::SampleIdentity};
@@ -49,6 +49,7 @@ pub(crate) struct ServiceServer {
     pub(crate) requests: RawReader,
     pub(crate) responses: RawWriter,
     held: RefCell<Vec<HeldAnswer>>,
+    longest_hold: Duration,
 }
 
 /// An answer whose reader is not yet known: what is written before that is lost.
@@ -63,6 +64,10 @@ struct HeldAnswer {
 
 /// How long an answer waits for its reader, which a client announces right after it was created.
 const LONGEST_HOLD: Duration = Duration::from_secs(1);
+/// The same where keys are exchanged first, each of whose messages RustDDS repeats once a second.
+const LONGEST_HOLD_SECURED: Duration = Duration::from_secs(5);
+/// Answers that wait at the most; the oldest is sent when there is one more.
+const MOST_HELD: usize = 64;
 
 impl ServiceServer {
     /// Offers `/name` of type `package/srv/Type`.
@@ -72,6 +77,11 @@ impl ServiceServer {
             requests: participant.dds_reader(&names.request, &names.request_type, EndpointQos::SERVICE)?,
             responses: participant.dds_writer(&names.response, &names.response_type, EndpointQos::SERVICE)?,
             held: RefCell::default(),
+            longest_hold: if participant.network().enclave.is_some() {
+                LONGEST_HOLD_SECURED
+            } else {
+                LONGEST_HOLD
+            },
         })
     }
 
@@ -91,8 +101,14 @@ impl ServiceServer {
                 None
             }
         };
-        let until = monotonic() + LONGEST_HOLD;
-        self.held.borrow_mut().push(HeldAnswer { to: id.from, bytes, related, until });
+        let until = monotonic() + self.longest_hold;
+        let mut held = self.held.borrow_mut();
+        if held.len() >= MOST_HELD
+            && let Some(oldest) = held.first_mut()
+        {
+            oldest.until = Duration::ZERO;
+        }
+        held.push(HeldAnswer { to: id.from, bytes, related, until });
         Ok(())
     }
 
@@ -169,6 +185,8 @@ pub struct ServiceClient {
     requests: RawWriter,
     responses: RawReader,
     name: String,
+    /// Whether a reader of our requests was matched.
+    is_matched: Cell<bool>,
 }
 
 impl ServiceClient {
@@ -182,12 +200,20 @@ impl ServiceClient {
             requests: participant.dds_writer(&names.request, &names.request_type, EndpointQos::SERVICE)?,
             responses: participant.dds_reader(&names.response, &names.response_type, EndpointQos::SERVICE)?,
             name: name.to_owned(),
+            is_matched: Cell::new(false),
         })
     }
 
-    /// Whether a server has been found, in both directions.
+    /// Whether a server has been found, in both directions, and what is asked from now on reaches it.
     #[must_use]
     pub fn server_is_there(&self, participant: &Participant) -> bool {
+        // Known first, matched a moment later: on a busy computer, or where keys are exchanged, much later.
+        if self.requests.has_new_reader() {
+            self.is_matched.set(true);
+        }
+        if !self.is_matched.get() {
+            return false;
+        }
         let others = |list: Vec<crate::DiscoveredEndpoint>, topic: &str, own: EndpointId| {
             list.iter().any(|e| e.dds_topic == topic && e.endpoint.participant() != own.participant())
         };
@@ -198,7 +224,7 @@ impl ServiceClient {
     /// Calls the service; waits for the server and its answer up to `timeout`.
     ///
     /// # Errors
-    /// [`RosError::NoServer`], [`RosError::NoAnswer`], or when DDS fails.
+    /// [`RosError::NoServer`], [`RosError::NoAnswer`]; [`RosError::Stuck`] before anything was asked; or when DDS fails.
     pub fn call<Q: Serialize, A: DeserializeOwned>(
         &self,
         participant: &Participant,
@@ -207,8 +233,12 @@ impl ServiceClient {
     ) -> Result<A, RosError> {
         let deadline = Instant::now() + timeout;
         let pause = Duration::from_millis(5);
+        let stuck = || RosError::Stuck { doing: format!("calling {}", self.name) };
         let no_answer = || RosError::NoAnswer { service: self.name.clone(), seconds: timeout.as_secs_f64() };
         while !self.server_is_there(participant) {
+            if participant.is_stuck() {
+                return Err(stuck());
+            }
             if Instant::now() > deadline {
                 let (service, seconds) = (self.name.clone(), timeout.as_secs_f64());
                 return Err(RosError::NoServer { service, seconds });

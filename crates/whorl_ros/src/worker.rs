@@ -3,24 +3,30 @@
 //! RustDDS 0.15 can lock up while endpoints are created as other participants are discovered: its discovery thread
 //! sends to its event loop with the table of endpoints locked for reading, the creation waits to write that table,
 //! and the event loop waits behind it to read. Whoever calls then waits for ever, and so does whoever drops an
-//! endpoint of the same participant. Here the caller waits for a limited time, and goes on without it.
+//! endpoint of the same participant. Where traffic is secured it locks up without that: its discovery thread sends the event
+//! loop, whose queue of 32 is full, the news of a handshake with the table locked for writing, and the event loop waits to read
+//! it (docs/upstream). Here the caller waits for a limited time, and goes on without it.
 
 use std::ops::{Deref, DerefMut};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Sender, channel};
-use std::time::Duration;
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// How long the creation of an endpoint may take. It takes 1 ms, and half a second on a machine that is far too busy.
 pub(crate) const LONGEST_CREATION: Duration = Duration::from_secs(4);
 
 type Job = Box<dyn FnOnce() + Send>;
+/// When work was given, and where its end is told.
+type Given = (Instant, Receiver<()>);
 
 /// The thread. It ends when the last handle is dropped and all work is done.
 #[derive(Clone)]
 pub(crate) struct Worker {
     jobs: Sender<Job>,
     stuck: Arc<AtomicBool>,
+    /// Work that nobody waits for.
+    probe: Arc<Mutex<Option<Given>>>,
 }
 
 impl Worker {
@@ -29,7 +35,7 @@ impl Worker {
         std::thread::Builder::new()
             .name("dds endpoints".to_owned())
             .spawn(move || todo.iter().for_each(|job| job()))?;
-        Ok(Self { jobs, stuck: Arc::default() })
+        Ok(Self { jobs, stuck: Arc::default(), probe: Arc::default() })
     }
 
     /// Whether some work did not return in time.
@@ -55,6 +61,25 @@ impl Worker {
         let result = result.recv_timeout(limit).ok();
         self.stuck.fetch_or(result.is_none(), Ordering::Relaxed);
         result
+    }
+
+    /// Gives work that nobody waits for, unless some is under way: false once that has not returned within `limit`.
+    pub(crate) fn probe(&self, limit: Duration, work: impl FnOnce() + Send + 'static) -> bool {
+        let mut probe = self.probe.lock().unwrap_or_else(PoisonError::into_inner);
+        match probe.as_ref().map(|(since, done)| (since.elapsed(), done.try_recv())) {
+            Some((elapsed, Err(TryRecvError::Empty))) => {
+                self.stuck.fetch_or(elapsed > limit, Ordering::Relaxed);
+            }
+            _ => {
+                let (done, told) = channel();
+                let job: Job = Box::new(move || {
+                    work();
+                    let _ = done.send(());
+                });
+                *probe = self.jobs.send(job).is_ok().then(|| (Instant::now(), told));
+            }
+        }
+        !self.is_stuck()
     }
 
     /// Something that is dropped on this thread, after all work that was given before.
@@ -138,5 +163,23 @@ mod tests {
         release.send(()).unwrap();
         let thread = on.recv_timeout(Duration::from_secs(10)).unwrap();
         assert_ne!(thread, std::thread::current().id());
+    }
+
+    #[test]
+    fn what_locks_up_is_noticed_by_who_does_not_wait_for_it() {
+        let worker = Worker::start().unwrap();
+        let (release, wait) = channel::<()>();
+        let limit = Duration::from_millis(20);
+        assert!(worker.probe(LONGEST_CREATION, || ()));
+        assert_eq!(worker.run(LONGEST_CREATION, || 7), Some(7), "the probe has returned");
+        assert!(
+            worker.probe(limit, move || {
+                let _ = wait.recv();
+            }),
+            "not at once"
+        );
+        std::thread::sleep(2 * limit);
+        assert!(!worker.probe(limit, || ()) && worker.is_stuck());
+        drop(release);
     }
 }

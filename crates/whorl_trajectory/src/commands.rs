@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use nalgebra::Vector3;
+use whorl_dynamics::plant::MeanInputs;
 use whorl_dynamics::{Gyrostat, Plant, PlatformModel};
 use whorl_recording::{Recording, Series};
 
@@ -17,7 +18,7 @@ pub struct Commands<'a> {
     body_torque_b_n_m: &'a Series<Vector3<f64>>,
     /// Angles and rates of the gimbals, from each sample to the next.
     gimbals: Vec<(Vec<f64>, Vec<f64>)>,
-    /// Per jet: opening and closing of the flow, delays included \[s\].
+    /// Per jet: opening and closing of the flow, delays and lag included \[s\].
     flow: Vec<Vec<(f64, f64)>>,
     /// All commands to the plant in order: time and command.
     events: Vec<(i64, Event)>,
@@ -34,17 +35,6 @@ enum Event {
     Ballast(usize),
     Torque(usize),
     Gimbals(usize),
-}
-
-/// Mean inputs over a short stretch of time.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct MeanDrive {
-    /// Motor torques [N m].
-    pub wheel_torque_n_m: Vec<f64>,
-    /// Share of the time during which each jet was open.
-    pub valve_fraction: Vec<f64>,
-    /// External torque, body axes [N m].
-    pub body_torque_b_n_m: Vector3<f64>,
 }
 
 impl<'a> Commands<'a> {
@@ -77,10 +67,13 @@ impl<'a> Commands<'a> {
             (angle_rad.clone(), GimbalMotion::between(recording, *t, next).rate_rad_s)
         });
         let gimbals = gimbals.collect();
+        // As a whole a lag gives and takes what a delay by its time would.
+        let lag = gyrostat.thrust_lag();
         let mut flow = Vec::new();
         for (jet, pulses) in recording.jet_pulses.iter().enumerate() {
             let data = model.jets().get(jet);
             let (opening_s, closing_s) = data.map_or((0.0, 0.0), |j| (j.opening_delay_s, j.closing_delay_s));
+            let (opening_s, closing_s) = (opening_s + lag.rise_s, closing_s + lag.tail_s);
             flow.push(pulses.iter().map(|p| (p.on_s + opening_s, p.off_s + closing_s)).collect());
             for pulse in pulses {
                 events.push((ns(pulse.on_s), Event::Jet { jet, on_time_s: pulse.off_s - pulse.on_s }));
@@ -143,26 +136,28 @@ impl<'a> Commands<'a> {
         }
     }
 
-    /// Means over a stretch that is short compared with the time between commands.
+    /// Mean inputs over a stretch of time \[s\].
     #[must_use]
-    pub fn mean_between(&self, from_s: f64, to_s: f64) -> MeanDrive {
-        let middle = 0.5 * (from_s + to_s);
+    pub fn mean_between(&self, from_s: f64, to_s: f64) -> MeanInputs {
         let length_s = (to_s - from_s).max(1e-9);
-        let open = |intervals: &Vec<(f64, f64)>| {
-            // Pulses are sorted: only those near the stretch matter.
+        let mut mean = MeanInputs::default();
+        for (slot, intervals) in mean.valve_fraction.iter_mut().zip(&self.flow) {
+            // Pulses are sorted by their beginning, and few are open at once.
             let end = intervals.partition_point(|(on, _)| *on < to_s);
-            let near = intervals.get(end.saturating_sub(3)..end).unwrap_or(&[]);
-            near.iter().map(|(on, off)| (off.min(to_s) - on.max(from_s)).max(0.0)).sum::<f64>() / length_s
-        };
-        MeanDrive {
-            wheel_torque_n_m: self
-                .wheel_torque_n_m
-                .held_at(middle)
-                .cloned()
-                .unwrap_or_else(|| vec![0.0; self.wheels]),
-            valve_fraction: self.flow.iter().map(open).collect(),
-            body_torque_b_n_m: self.body_torque_b_n_m.held_at(middle).copied().unwrap_or_default(),
+            let near = intervals[..end].iter().rev().take_while(|(_, off)| *off > from_s);
+            // A pulse that is shorter than its valve takes to open ends before it begins: nothing flows.
+            *slot = near.map(|(on, off)| (off.min(to_s) - on.max(from_s)).max(0.0)).sum::<f64>() / length_s;
         }
+        held_between(&self.wheel_torque_n_m, from_s, to_s, |torque_n_m, share_s| {
+            for (slot, torque_n_m) in mean.wheel_torque_n_m.iter_mut().zip(torque_n_m) {
+                *slot += torque_n_m * share_s / length_s;
+            }
+        });
+        let body = &mut mean.body_torque_b_n_m;
+        held_between(self.body_torque_b_n_m, from_s, to_s, |torque, share_s| {
+            *body += torque * share_s / length_s
+        });
+        mean
     }
 
     /// Inputs of the platform as named series at these times, for cross-correlation: wheel torques, and jet and external
@@ -227,8 +222,54 @@ impl Input {
     }
 }
 
+/// Tells every value that is held within a stretch, and for how long \[s\].
+fn held_between<T>(series: &Series<T>, from_s: f64, to_s: f64, mut told: impl FnMut(&T, f64)) {
+    let first = series.time_s.partition_point(|t| *t <= from_s).saturating_sub(1);
+    for (k, (t, value)) in series.time_s.iter().zip(&series.value).enumerate().skip(first) {
+        if *t >= to_s {
+            break;
+        }
+        let until = series.time_s.get(k + 1).copied().unwrap_or(to_s).min(to_s);
+        told(value, until - t.max(from_s));
+    }
+}
+
 /// Seconds rounded to nanoseconds; saturates.
 #[must_use]
 pub fn ns(seconds: f64) -> i64 {
     (seconds * 1e9).round() as i64
+}
+
+#[cfg(test)]
+mod tests {
+    use whorl_recording::OnInterval;
+
+    use super::*;
+
+    #[test]
+    fn means_are_those_of_what_jumps_within() {
+        let mut model = PlatformModel::whorl_1_reference();
+        for jet in model.jets_mut() {
+            (jet.opening_delay_s, jet.closing_delay_s) = (0.006, 0.004);
+        }
+        let mut recording = Recording { jet_pulses: vec![Vec::new(); 12], ..Recording::default() };
+        // Gas flows from 0.106 to 0.124 s; of the other jet's pulse none does.
+        recording.jet_pulses[0].push(OnInterval { on_s: 0.1, off_s: 0.12 });
+        recording.jet_pulses[1].push(OnInterval { on_s: 0.1, off_s: 0.101 });
+        for (time_s, torque_n_m) in [(0.0, 0.1), (0.11, 0.2), (0.13, 0.4)] {
+            recording.wheel_torque_command_n_m.time_s.push(time_s);
+            recording.wheel_torque_command_n_m.value.push(vec![torque_n_m, 0.0, -torque_n_m]);
+        }
+        let gyrostat = Gyrostat::new(&model).unwrap();
+        let commands = Commands::of(&recording, &gyrostat);
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
+        let mean = commands.mean_between(0.1, 0.12);
+        near(mean.valve_fraction[0], 0.7);
+        assert_eq!(mean.valve_fraction[1], 0.0);
+        near(mean.wheel_torque_n_m[0], 0.15);
+        near(mean.wheel_torque_n_m[2], -0.15);
+        let mean = commands.mean_between(0.12, 0.14);
+        near(mean.valve_fraction[0], 0.2);
+        near(mean.wheel_torque_n_m[0], 0.3);
+    }
 }

@@ -39,6 +39,8 @@ pub struct CoordinatorCore {
     sequences: Sequences,
     finished: bool,
     problems: Vec<String>,
+    /// Whether traffic is secured.
+    secured: bool,
 }
 
 /// Sequence counters of the messages sent.
@@ -67,7 +69,14 @@ impl CoordinatorCore {
             sequences: Sequences::default(),
             finished: false,
             problems: Vec::new(),
+            secured: false,
         })
+    }
+
+    /// The same where keys are exchanged before messages are: it waits for `waiting.healthy_for_secured_s`.
+    #[must_use]
+    pub fn secured(self, secured: bool) -> Self {
+        Self { secured, ..self }
     }
 
     fn tick(&mut self, now: Timestamp, outputs: &mut Outputs) {
@@ -116,7 +125,7 @@ impl CoordinatorCore {
                     }
                 } else {
                     let well_since = *well_since.get_or_insert(now);
-                    if now.seconds_since(well_since) >= waiting.healthy_for_s {
+                    if now.seconds_since(well_since) >= waiting.healthy_for_s(self.secured) {
                         outputs.log(LogLevel::Info, "all platforms are well: ready");
                         self.stage = Stage::Ready;
                     }

@@ -104,8 +104,18 @@ pub struct LinkSettings {
 pub struct WaitingSettings {
     /// All platforms must be ready for this long \[s\].
     pub healthy_for_s: f64,
+    /// The same where traffic is secured \[s\].
+    pub healthy_for_secured_s: f64,
     /// Gives up after this long \[s\]; infinite when it is 0 in the file.
     pub timeout_s: f64,
+}
+
+impl WaitingSettings {
+    /// All platforms must be ready for this long \[s\].
+    #[must_use]
+    pub fn healthy_for_s(&self, secured: bool) -> f64 {
+        if secured { self.healthy_for_secured_s.max(self.healthy_for_s) } else { self.healthy_for_s }
+    }
 }
 
 /// What happens when a platform does not follow its reference.
@@ -249,6 +259,13 @@ fn read_waiting(r: &mut Reader<'_>) -> WaitingSettings {
             1.0,
             range(0.0..=60.0),
             "all platforms must be ready for this long before the start [s]",
+        ),
+        // Measured: two platforms on two busy cores exchanged keys for up to 3 s after the coordinator had found all well.
+        healthy_for_secured_s: r.f64_or(
+            "healthy_for_secured_s",
+            5.0,
+            range(0.0..=60.0),
+            "the same where traffic is secured: keys are still being exchanged when the first messages arrive [s]",
         ),
         timeout_s: if timeout_s > 0.0 { timeout_s } else { f64::INFINITY },
     }

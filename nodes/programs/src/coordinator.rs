@@ -8,5 +8,7 @@ use whorl_ros::{NodeOptions, run_node};
 
 fn main() -> ExitCode {
     let options = NodeOptions::of(Node::Coordinator);
-    run_node(options, parameters::read, |_, parameters| CoordinatorCore::new(parameters))
+    run_node(options, parameters::read, |context, parameters| {
+        CoordinatorCore::new(parameters).map(|core| core.secured(context.network().enclave.is_some()))
+    })
 }

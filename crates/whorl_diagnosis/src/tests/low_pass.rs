@@ -33,6 +33,15 @@ fn a_window_that_is_stamped_in_its_middle_does_not_delay() {
 }
 
 #[test]
+fn it_is_said_what_readings_are_instead() {
+    let stated = with_low_pass(0.0, 0.01);
+    let mut shown = with_low_pass(0.0, 0.0);
+    assert!(low_pass::remarks(&stated, &shown)[0].contains("likelier without any"));
+    shown.sensors.accelerometer.errors.averaging_window_s = 0.02;
+    assert!(low_pass::remarks(&stated, &shown)[0].contains("means over a window of 20 ms"));
+}
+
+#[test]
 fn a_low_pass_that_delays_stays() {
     let truth = with_low_pass(0.02, 0.04);
     assert_eq!(found_s(&truth, &truth), None);

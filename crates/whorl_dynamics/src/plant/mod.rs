@@ -9,17 +9,20 @@ mod motion;
 mod noise;
 mod sampling;
 mod tangent;
+mod window;
 
 pub use crate::actuators::jets::{JetFailure, Pulse};
 pub use command::CommandError;
 pub use motion::Acts;
 pub use tangent::{LinearisedPlant, RATE, ROTATION, Tangent};
+pub use window::MeanInputs;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use thiserror::Error;
 
 use crate::actuators::{Forces, Instant};
 use crate::gyrostat::{Derivative, Drive};
+use crate::platform::TriaxialErrors;
 use crate::sensing::History;
 use crate::{Environment, Gyrostat, GyrostatError, PlatformModel, State, TrueImu};
 use integrator::Work;
@@ -159,6 +162,8 @@ pub struct Plant {
     /// Steps are by the midpoint rule.
     by_midpoint: bool,
     behind_filter: TrueImu,
+    /// Over the window of the accelerometer's reading, where that is not an instant.
+    mean_inputs: Option<MeanInputs>,
     gyro: TriaxialSensor,
     accelerometer: TriaxialSensor,
     vector_noise: Normal,
@@ -192,9 +197,10 @@ impl Plant {
         state.omega_wb_b_rad_s = model.freedom.share(&initial.omega_wb_b_rad_s);
         state.set_wheel_speed_rad_s(speeds);
         let sensors = gyrostat.model().sensors;
+        let oldest_s = |errors: &TriaxialErrors| errors.latency_s + 0.5 * errors.averaging_window_s;
         let latest_s = [
-            sensors.gyro.errors.latency_s,
-            sensors.accelerometer.errors.latency_s,
+            oldest_s(&sensors.gyro.errors),
+            oldest_s(&sensors.accelerometer.errors),
             sensors.vector.map_or(0.0, |v| v.latency_s),
         ]
         .into_iter()
@@ -219,6 +225,7 @@ impl Plant {
                 angular_velocity_b_rad_s: Vector3::zeros(),
                 specific_force_b_m_s2: Vector3::zeros(),
             },
+            mean_inputs: None,
             gyro: TriaxialSensor::new(sensors.gyro.errors, Normal::new(seed, Stream::Gyro), now_ns),
             accelerometer: TriaxialSensor::new(
                 sensors.accelerometer.errors,

@@ -16,7 +16,7 @@ pub struct Acts {
 }
 
 impl Plant {
-    /// Takes over attitude, rates, wheel speeds, hidden states and disturbance of another plant that has the same
+    /// Takes over attitude, rates, wheel speeds, hidden states, disturbance and window of readings of another plant that has the same
     /// [`super::Tangent`] and began at the same time, with a small change in these coordinates, or with none; commands, valves and supplies
     /// stay its own. A wheel that dry friction holds stays held.
     pub fn take_motion_of(&mut self, other: &Self, change: &[f64]) {
@@ -26,6 +26,7 @@ impl Plant {
         self.state.hidden = other.state.hidden;
         self.drive.disturbance = other.drive.disturbance;
         self.behind_filter = other.behind_filter;
+        self.mean_inputs = other.mean_inputs;
         // What a part that sticks does to the others' motion is made anew only where another one does: it takes as long as a step.
         let held = self.held();
         self.gyrostat.model().actuators.set_out(&self.state.actuators, &mut self.drive.actuators);
@@ -59,11 +60,12 @@ impl Plant {
         self.read(other, &other.state, &other.drive, &acts.derivative)
     }
 
-    /// Whether no jet pushes now: all valves are shut, and thrust follows them at once.
+    /// Whether no jet pushes now or within a window of readings: all valves are shut, and thrust follows them at once.
     #[must_use]
     pub fn jets_rest(&self) -> bool {
-        let fractions = &self.drive.actuators.jets.valve_fraction;
-        self.gyrostat.thrust_lag().is_none() && fractions.iter().all(|fraction| *fraction == 0.0)
+        let now = &self.drive.actuators.jets.valve_fraction;
+        let over_window = self.mean_inputs.iter().flat_map(|mean| &mean.valve_fraction);
+        self.gyrostat.thrust_lag().is_none() && now.iter().chain(over_window).all(|fraction| *fraction == 0.0)
     }
 
     /// Lets its supplies go on to another instant as they act, where no valve opens or closes until then; it does not move.

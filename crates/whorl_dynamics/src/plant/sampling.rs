@@ -5,6 +5,7 @@ use whorl_math::vertical_b;
 
 use super::{Plant, ns_from_s};
 use crate::actuators::Kind;
+use crate::platform::TriaxialErrors;
 use crate::sensing::{ImuSample, JointSample, Snapshot, VectorSample, low_passed};
 use crate::{Environment, State, TrueImu};
 
@@ -13,8 +14,8 @@ impl Plant {
     pub fn sample_imu(&mut self) -> ImuSample {
         let sensors = &self.gyrostat.model().sensors;
         let now = self.snapshot();
-        let gyro_truth = self.true_imu(&now, sensors.gyro.errors.latency_s);
-        let accelerometer_truth = self.true_imu(&now, sensors.accelerometer.errors.latency_s);
+        let gyro_truth = self.true_imu(&now, &sensors.gyro.errors);
+        let accelerometer_truth = self.true_imu(&now, &sensors.accelerometer.errors);
         ImuSample {
             stamp_ns: self.now_ns,
             angular_velocity_rad_s: self.gyro.sample(&gyro_truth.angular_velocity_b_rad_s, self.now_ns),
@@ -93,13 +94,12 @@ impl Plant {
         };
     }
 
-    /// What ideal inertial sensors would have read `latency_s` ago. Wheels, valves and temperature
+    /// What inertial sensors of this latency and window read now, ideal ones otherwise. Wheels, valves and temperature
     /// enter as they are now: only effects on the sensors use them, and they change little meanwhile.
-    fn true_imu(&self, now: &Snapshot, latency_s: f64) -> TrueImu {
-        let latency_ns = ns_from_s(latency_s);
-        let then = self.history.at(self.now_ns - latency_ns, now);
+    fn true_imu(&self, now: &Snapshot, errors: &TriaxialErrors) -> TrueImu {
+        let then = self.shown(errors, now);
         let mut environment = self.gyrostat.environment(self.time_s(), &self.state, &self.drive);
-        environment.time_s -= latency_s;
+        environment.time_s -= errors.latency_s;
         environment.q_world_body = then.q_world_body;
         environment.vertical_b = vertical_b(&then.q_world_body);
         environment.omega_wb_b_rad_s = then.omega_wb_b_rad_s;

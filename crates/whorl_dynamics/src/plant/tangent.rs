@@ -13,7 +13,7 @@ use super::Plant;
 use crate::actuators::Forces;
 use crate::gyrostat::{Derivative, Drive};
 use crate::sensing::History;
-use crate::{Environment, State, TrueImu};
+use crate::{State, TrueImu};
 
 /// Steps of the differences: a rotation \[rad\]; a rate [rad/s] and a hidden state, in proportion where they are large; a
 /// wheel's speed [rad/s]. Central differences err by the third derivative times their square: below 1e-9 of a motion.
@@ -268,10 +268,8 @@ impl Plant {
         drive: &Drive,
         derivative: &Derivative,
     ) -> SVector<f64, 6> {
-        let mut environment = Environment {
-            omega_dot_wb_b_rad_s2: derivative.omega,
-            ..self.gyrostat.environment(of.time_s(), state, drive)
-        };
+        let mut environment = self.gyrostat.environment(of.time_s(), state, drive);
+        environment.omega_dot_wb_b_rad_s2 = derivative.omega + of.over_window_b_rad_s2(&environment, drive);
         environment.vertical_b = whorl_math::vertical_b(&state.q_world_body);
         let sensors = &self.gyrostat.model().sensors;
         let mut imu = self.gyrostat.ideal_imu(&environment);

@@ -114,6 +114,7 @@ fn sensors() -> SensorSuite {
         range: f64::MAX,
         latency_s: 0.0,
         time_constant_s: 0.0,
+        averaging_window_s: 0.0,
     };
     SensorSuite {
         rate_hz: 100.0,

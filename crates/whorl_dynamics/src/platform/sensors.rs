@@ -29,9 +29,11 @@ pub struct TriaxialErrors {
     pub range: f64,
     /// Age of the data when stamped \[s\], >= 0.
     pub latency_s: f64,
-    /// Time constant of a first-order low-pass between motion and output \[s\], >= 0: 1/(2 pi bandwidth), or half the
-    /// length of an averaging window.
+    /// Time constant of a first-order low-pass between motion and output \[s\], >= 0: 1/(2 pi bandwidth).
     pub time_constant_s: f64,
+    /// Length of the window over which the output is the mean of the motion \[s\], >= 0; the middle of the window is the instant that
+    /// the output shows, `latency_s` before its stamp.
+    pub averaging_window_s: f64,
 }
 
 impl TriaxialErrors {

@@ -117,6 +117,13 @@ fn low_pass(c: &mut Changes<'_>, before: &PlatformModel, after: &PlatformModel) 
                 comment: format!("[s] its samples are not late by it, was {}", short(was.time_constant_s)),
             });
         }
+        if differs(was.averaging_window_s, is.averaging_window_s) {
+            c.all.push(Change {
+                key: format!("model.sensors.{sensor}.averaging_window_s"),
+                value: Value::Double(is.averaging_window_s),
+                comment: "[s] its samples are means over it, the stamp in its middle".to_owned(),
+            });
+        }
     }
 }
 

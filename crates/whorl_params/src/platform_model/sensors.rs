@@ -93,6 +93,7 @@ const NO_ERRORS: TriaxialErrors = TriaxialErrors {
     range: f64::MAX,
     latency_s: 0.0,
     time_constant_s: 0.0,
+    averaging_window_s: 0.0,
 };
 
 /// Which axes a gyro has: all, unless the file names them.
@@ -133,7 +134,7 @@ fn misalignment(r: &mut Reader<'_>) -> Vector3<f64> {
 }
 
 fn triaxial(r: &mut Reader<'_>, suffix: &str, unit: &str, usual_range: f64) -> TriaxialErrors {
-    TriaxialErrors {
+    let errors = TriaxialErrors {
         noise_stddev: r.per_axis(
             &format!("noise_stddev_{suffix}"),
             non_negative(),
@@ -186,9 +187,22 @@ fn triaxial(r: &mut Reader<'_>, suffix: &str, unit: &str, usual_range: f64) -> T
             "time_constant_s",
             0.0,
             range(0.0..=1.0),
-            "low-pass of the sensor: 1/(2 pi bandwidth), or half the length of an averaging window [s]",
+            "low-pass of the sensor: 1/(2 pi bandwidth) [s]",
         ),
+        averaging_window_s: r.f64_or(
+            "averaging_window_s",
+            0.0,
+            range(0.0..=1.0),
+            "window over which a reading is the mean, its middle latency_s before the stamp: latency_s 0 is a stamp in the middle, half of the window one at the end [s]",
+        ),
+    };
+    if errors.averaging_window_s > 0.0 && errors.time_constant_s > 0.0 {
+        r.reject(
+            "averaging_window_s",
+            "stands beside a time_constant_s; allowed: one of the two, the other 0",
+        );
     }
+    errors
 }
 
 fn vector(r: &mut Reader<'_>, sees_weight: bool) -> VectorSensor {

@@ -308,3 +308,18 @@ fn wrong_experiments_are_refused_with_the_place_and_what_is_allowed() {
         assert!(error.contains(expected), "{expected}: {error}");
     }
 }
+
+/// Where keys are exchanged, the first messages arrive before the last keys do.
+#[test]
+fn a_secured_formation_is_well_for_longer_before_it_starts() {
+    let experiment = format!("{PAIR}    waiting: {{healthy_for_s: 1.0, healthy_for_secured_s: 4.0}}\n");
+    let waits_s = |secured: bool| {
+        let mut lab = Laboratory::new(&experiment);
+        lab.core = CoordinatorCore::new(read(&experiment).unwrap()).unwrap().secured(secured);
+        let begin = lab.now;
+        lab.run_until(FormationState::PHASE_SETTLE, 20.0);
+        lab.now.seconds_since(begin)
+    };
+    let (open_s, secured_s) = (waits_s(false), waits_s(true));
+    assert!((secured_s - open_s - 3.0).abs() < 0.2, "open {open_s} s, secured {secured_s} s");
+}
