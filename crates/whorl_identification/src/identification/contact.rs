@@ -6,6 +6,7 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
+use whorl_dynamics::platform::TiltLimit;
 use whorl_recording::{Recording, Series};
 
 use crate::finding::Finding;
@@ -15,6 +16,17 @@ use crate::sequential::{CONTACT_LASTS_S, touches};
 const AVERAGED_S: f64 = 0.1;
 /// Pieces that are shorter tell of their own start and of little else \[s\].
 const SHORTEST_S: f64 = 3.0;
+
+/// The model of a platform that is away from its stop: where a start that is not known exactly reaches the stop, a touch would come and go
+/// with the parameters though there was none.
+pub(super) fn away_from_stop(model: &PlatformModel) -> PlatformModel {
+    let tilt_limit = match model.tilt_limit {
+        TiltLimit::Cone { .. } => TiltLimit::NONE,
+        // No elevation is larger.
+        TiltLimit::Pitch { .. } => TiltLimit::Pitch { max_rad: std::f64::consts::FRAC_PI_2 },
+    };
+    PlatformModel { tilt_limit, ..model.clone() }
+}
 
 /// The pieces of a run between touches, and what was left out; the run itself where nothing touches.
 pub(super) fn between_touches(

@@ -11,17 +11,22 @@ const UNEXPLAINED: f64 = 3.0;
 /// From here on it is said.
 const WORTH_SAYING: f64 = 1.2;
 
-/// Of the recordings with what was identified.
-pub(super) fn of_fit(after: &[Comparison]) -> Vec<Finding> {
-    let mut findings = Vec::new();
-    for run in after {
+/// Of the recordings with what was identified; each is the run of this name, or a piece of it.
+pub(super) fn of_fit(after: &[Comparison], of_run: &[String]) -> Vec<Finding> {
+    let mut findings: Vec<Finding> = Vec::new();
+    for (run, of_run) in after.iter().zip(of_run) {
         if run.unexplained.is_some() {
             findings.push(Finding::warning(format!(
                 "{}: a torque remains that the model does not have: {}. `whorl diagnose` looks for what it is; the uncertainties allow for it as for a force that comes and goes within a second.",
                 run.run, run.unexplained
             )));
         }
-        findings.extend(run.remarks.iter().map(|text| Finding::warning(format!("{}: {text}", run.run))));
+        // What a recording lacks, all its pieces lack.
+        for remark in run.remarks.iter().map(|text| Finding::warning(format!("{of_run}: {text}"))) {
+            if !findings.contains(&remark) {
+                findings.push(remark);
+            }
+        }
     }
     findings
 }

@@ -18,7 +18,7 @@ mod updated;
 mod wheels;
 
 use whorl_dynamics::{ModelPrior, PlatformModel};
-use whorl_prediction::{Settings, fit};
+use whorl_prediction::{Followed, Settings, fit};
 use whorl_recording::Recording;
 use whorl_trajectory::{Needs, Refusal, check};
 use whorl_validation::{Comparison, ValidationError, compare};
@@ -26,7 +26,7 @@ use whorl_validation::{Comparison, ValidationError, compare};
 use crate::finding::{DataError, Finding};
 use crate::mass_parameters::{MASS_PARAMETERS, MassCovariance, MassVector};
 use conclusion::{Fit, conclude};
-use contact::between_touches;
+use contact::{away_from_stop, between_touches};
 use parameters::Parameters;
 pub use readings::usable_readings;
 pub use updated::UpdateError;
@@ -143,7 +143,7 @@ pub fn identify(
     prior: &ModelPrior,
     settings: &Settings,
 ) -> Result<Identification, DataError> {
-    let Usable { pieces: recordings, mut findings } = usable(runs, model)?;
+    let Usable { pieces: recordings, of_run, mut findings } = usable(runs, model)?;
     let before = compared(&recordings, model)?;
     let parameters = Parameters::new(model, prior, &recordings);
     let fitted = fitted(&recordings, &parameters, settings)?;
@@ -151,9 +151,10 @@ pub fn identify(
         Some(model) => compared(&recordings, &model)?,
         None => before.clone(),
     };
-    findings.extend(findings::of_fit(&after));
+    findings.extend(findings::of_fit(&after, &of_run));
     if after.iter().any(|run| run.unexplained.is_some()) {
-        findings.extend(wheels::check(&recordings, model, settings));
+        let log_fitted = fitted.followed.iter().map(Followed::log_likelihood).sum();
+        findings.extend(wheels::check(&recordings, &away_from_stop(model), log_fitted, settings)?);
     }
     let errors = (error(&before), error(&after));
     Ok(conclude(&Fit { parameters, prior, fitted, errors, recordings: &recordings, findings }))
@@ -170,7 +171,7 @@ pub fn predict(
     prior: &ModelPrior,
     settings: &Settings,
 ) -> Result<Identification, DataError> {
-    let Usable { pieces: recordings, findings } = usable(runs, model)?;
+    let Usable { pieces: recordings, findings, .. } = usable(runs, model)?;
     let parameters = Parameters::new(model, prior, &recordings);
     // No step is taken: the information is that at the model.
     let fitted = fitted(&recordings, &parameters, &Settings { fit_rounds: 0, ..*settings })?;
@@ -189,11 +190,13 @@ pub fn predict(
 struct Usable {
     /// Away from the bearing's stop.
     pieces: Vec<Recording>,
+    /// The run that each is a piece of, by name.
+    of_run: Vec<String>,
     findings: Vec<Finding>,
 }
 
 fn usable(runs: &[&Recording], model: &PlatformModel) -> Result<Usable, DataError> {
-    let mut usable = Usable { pieces: Vec::new(), findings: Vec::new() };
+    let mut usable = Usable { pieces: Vec::new(), of_run: Vec::new(), findings: Vec::new() };
     for run in runs {
         check(run, model, &NEEDS)?;
         let whole = usable_readings(run, model, &mut usable.findings);
@@ -205,6 +208,7 @@ fn usable(runs: &[&Recording], model: &PlatformModel) -> Result<Usable, DataErro
             let run = format!("{}, away from the stop of the bearing", run.name);
             return Err(Refusal::TooShort { run, duration_s, needed_s: NEEDS.shortest_s }.into());
         }
+        usable.of_run.extend(pieces.iter().map(|_| run.name.clone()));
         usable.pieces.extend(pieces);
     }
     Ok(usable)
@@ -215,13 +219,14 @@ fn fitted(
     parameters: &Parameters<'_>,
     settings: &Settings,
 ) -> Result<whorl_prediction::Fitted, DataError> {
-    let model_at = |units: &[f64]| parameters.model_at(units);
+    let model_at = |units: &[f64]| parameters.model_at(units).map(|model| away_from_stop(&model));
     let as_given = vec![0.0; parameters.free.len()];
     Ok(fit(recordings, &parameters.known(), &model_at, &[as_given], settings)?)
 }
 
 fn compared(recordings: &[Recording], model: &PlatformModel) -> Result<Vec<Comparison>, ValidationError> {
-    recordings.iter().map(|run| compare(run, model)).collect()
+    let model = away_from_stop(model);
+    recordings.iter().map(|run| compare(run, &model)).collect()
 }
 
 fn error(runs: &[Comparison]) -> Option<f64> {

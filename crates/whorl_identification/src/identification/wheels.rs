@@ -1,7 +1,12 @@
 //! Wheels whose measured speeds turn the body the wrong way, or by another share than the model's.
+//!
+//! The wheels' strengths are fitted alone, with the wheels driven along their measured speeds: commands may have the sign of the model
+//! where speeds do not. Torques that are made from speeds have the tachometers' noise, which no deviation of that fit knows, and whatever
+//! else pushes the platform goes into the strengths too. What it finds is therefore a suspicion, and counts only where it makes
+//! the readings likelier than everything that was fitted.
 
 use whorl_dynamics::PlatformModel;
-use whorl_prediction::{Parameter, Settings, fit};
+use whorl_prediction::{Parameter, PredictionError, Settings, fit};
 use whorl_recording::{Recording, Series};
 
 use crate::finding::Finding;
@@ -15,9 +20,35 @@ const KNOWN: f64 = 0.3;
 /// Shares that are as close to one as this are the platform's inertia as well as the wheel's.
 const FAR_OFF: f64 = 0.3;
 
-/// Fits the wheels' strengths alone, as multiples of the model's, with the wheels driven along their measured speeds. Where one
+/// Wheels that the readings accuse; `log_fitted`: how likely the readings are with what was fitted [natural logarithm].
+///
+/// # Errors
+/// See [`PredictionError`].
+pub(super) fn check(
+    recordings: &[Recording],
+    model: &PlatformModel,
+    log_fitted: f64,
+    settings: &Settings,
+) -> Result<Vec<Finding>, PredictionError> {
+    let mut findings = Vec::new();
+    for (j, share, stddev) in suspicions(recordings, model, settings) {
+        // A sign is a sign, whatever else is in the number.
+        let supposed = if share < 0.0 { -1.0 } else { share };
+        let log = log_of_share(recordings, model, j, supposed, settings)?;
+        if let Some(wheel) = model.wheels().get(j).filter(|_| log - log_fitted > settings.level_needed_nats) {
+            findings.push(said(&wheel.name, share, stddev));
+        }
+    }
+    Ok(findings)
+}
+
+/// Wheels whose strength comes out far from the model's, as its position, share of the model's strength and standard deviation. Where one
 /// has the wrong sign no start close to the model leads there, so each sign is tried.
-pub(super) fn check(recordings: &[Recording], model: &PlatformModel, settings: &Settings) -> Vec<Finding> {
+fn suspicions(
+    recordings: &[Recording],
+    model: &PlatformModel,
+    settings: &Settings,
+) -> Vec<(usize, f64, f64)> {
     let along_speeds: Vec<Recording> = recordings
         .iter()
         .filter(|run| !run.wheel_speed_rad_s.is_empty())
@@ -28,8 +59,11 @@ pub(super) fn check(recordings: &[Recording], model: &PlatformModel, settings: &
         return Vec::new();
     }
     let known = Parameter { stddev: 1.0, range: (-2.0, 2.0) };
-    let model_at = |units: &[f64]| Some(with_strengths(model, units));
     let given = vec![0.0; wheels];
+    let model_at = |units: &[f64]| {
+        let shares = units.iter().map(|units| 1.0 + LOOSE_STRENGTH * units);
+        Some(with_strengths(model, shares))
+    };
     let turned = |j: usize| {
         let mut start = given.clone();
         if let Some(slot) = start.get_mut(j) {
@@ -38,37 +72,66 @@ pub(super) fn check(recordings: &[Recording], model: &PlatformModel, settings: &
         start
     };
     let starts: Vec<Vec<f64>> = std::iter::once(given.clone()).chain((0..wheels).map(turned)).collect();
-    let Ok(found) = fit(&along_speeds, &vec![known; wheels], &model_at, &starts, settings) else {
+    // Beside disturbances only what a second shows would count, and over that the speeds are mostly noise: momentum over the whole run tells.
+    let alone = Settings { level_needed_nats: f64::INFINITY, ..*settings };
+    let Ok(found) = fit(&along_speeds, &vec![known; wheels], &model_at, &starts, &alone) else {
         return Vec::new();
     };
-    let judged = model.wheels().iter().zip(&found.at).enumerate().filter_map(|(j, (wheel, units))| {
-        let stddev = LOOSE_STRENGTH * found.covariance[(j, j)].sqrt();
-        judge(&wheel.name, 1.0 + LOOSE_STRENGTH * units, stddev)
+    let all = found.at.iter().enumerate().map(|(j, units)| {
+        (j, 1.0 + LOOSE_STRENGTH * units, LOOSE_STRENGTH * found.covariance[(j, j)].sqrt())
     });
-    judged.collect()
+    all.filter(|(_, share, stddev)| is_far(*share, *stddev)).collect()
 }
 
-fn judge(name: &str, share: f64, stddev: f64) -> Option<Finding> {
-    if stddev.is_nan() || stddev > KNOWN {
-        return None;
+fn is_far(share: f64, stddev: f64) -> bool {
+    let known = stddev <= KNOWN;
+    known && (share < -3.0 * stddev || (share - 1.0).abs() > (5.0 * stddev).max(FAR_OFF))
+}
+
+/// How likely the readings are if a wheel has this share of the strength that its measured speeds and the model say: because of its speeds, or
+/// because of the wheel itself. A wheel that its commands and its speeds agree on is another, one whose commands contradict its speeds has
+/// another tachometer.
+fn log_of_share(
+    recordings: &[Recording],
+    model: &PlatformModel,
+    wheel: usize,
+    share: f64,
+    settings: &Settings,
+) -> Result<f64, PredictionError> {
+    let log = |recordings: &[Recording], model: &PlatformModel| -> Result<f64, PredictionError> {
+        Ok(fit(recordings, &[], &|_| Some(model.clone()), &[Vec::new()], settings)?.log_posterior)
+    };
+    let other =
+        with_strengths(model, (0..model.wheels().len()).map(|j| if j == wheel { share } else { 1.0 }));
+    let of_wheel = log(recordings, &other)?;
+    let mut numbers = 0;
+    let mut scaled = recordings.to_vec();
+    for speed in scaled.iter_mut().flat_map(|run| &mut run.wheel_speed_rad_s.value) {
+        if let Some(speed) = speed.get_mut(wheel) {
+            *speed *= share;
+            numbers += 1;
+        }
     }
-    if share < -3.0 * stddev {
-        return Some(Finding::fatal(format!(
+    // Densities of the readings as they were recorded.
+    let of_speeds = log(&scaled, model)? + f64::from(numbers) * share.abs().max(LEAST_STRENGTH).ln();
+    Ok(of_wheel.max(of_speeds))
+}
+
+fn said(name: &str, share: f64, stddev: f64) -> Finding {
+    Finding::fatal(if share < 0.0 {
+        format!(
             "{name} turns the body the wrong way: its strength comes out as {share:.2} +- {stddev:.2} of the model's. The sign of its measured speed or of its spin axis in the model is wrong; nothing else can be trusted until that is mended."
-        )));
-    }
-    let is_far = (share - 1.0).abs() > (5.0 * stddev).max(FAR_OFF);
-    is_far.then(|| {
-        Finding::fatal(format!(
+        )
+    } else {
+        format!(
             "{name} has {share:.2} +- {stddev:.2} of the strength that the model gives it: its spin inertia, the unit of its speed, or the platform's inertia is far off."
-        ))
+        )
     })
 }
 
-fn with_strengths(model: &PlatformModel, units: &[f64]) -> PlatformModel {
+fn with_strengths(model: &PlatformModel, shares: impl Iterator<Item = f64>) -> PlatformModel {
     let mut model = model.clone();
-    for (wheel, units) in model.wheels_mut().iter_mut().zip(units) {
-        let share = 1.0 + LOOSE_STRENGTH * units;
+    for (wheel, share) in model.wheels_mut().iter_mut().zip(shares) {
         wheel.spin_inertia_kg_m2 *= share.abs().max(LEAST_STRENGTH);
         if share < 0.0 {
             wheel.spin_axis_b = -wheel.spin_axis_b;
