@@ -88,9 +88,8 @@ fn is_far(share: f64, stddev: f64) -> bool {
     known && (share < -3.0 * stddev || (share - 1.0).abs() > (5.0 * stddev).max(FAR_OFF))
 }
 
-/// How likely the readings are if a wheel has this share of the strength that its measured speeds and the model say: because of its speeds, or
-/// because of the wheel itself. A wheel that its commands and its speeds agree on is another, one whose commands contradict its speeds has
-/// another tachometer.
+/// How likely the readings are if a wheel has this share of the strength that its measured speeds and the model say [natural logarithm]: as
+/// another wheel, on which commands and speeds agree, or with another tachometer, on which they do not. The likelier counts.
 fn log_of_share(
     recordings: &[Recording],
     model: &PlatformModel,
@@ -104,16 +103,13 @@ fn log_of_share(
     let other =
         with_strengths(model, (0..model.wheels().len()).map(|j| if j == wheel { share } else { 1.0 }));
     let of_wheel = log(recordings, &other)?;
-    let mut numbers = 0;
     let mut scaled = recordings.to_vec();
-    for speed in scaled.iter_mut().flat_map(|run| &mut run.wheel_speed_rad_s.value) {
-        if let Some(speed) = speed.get_mut(wheel) {
-            *speed *= share;
-            numbers += 1;
-        }
-    }
-    // Densities of the readings as they were recorded.
-    let of_speeds = log(&scaled, model)? + f64::from(numbers) * share.abs().max(LEAST_STRENGTH).ln();
+    let speeds = scaled.iter_mut().flat_map(|run| &mut run.wheel_speed_rad_s.value);
+    speeds.filter_map(|speeds| speeds.get_mut(wheel)).for_each(|speed| *speed *= share);
+    // Densities of the readings as they were recorded; without commands speeds are none, they drive the wheel.
+    let read = recordings.iter().filter(|run| !run.wheel_torque_command_n_m.is_empty());
+    let numbers: usize = read.map(|run| run.wheel_speed_rad_s.len()).sum();
+    let of_speeds = log(&scaled, model)? + numbers as f64 * share.abs().max(LEAST_STRENGTH).ln();
     Ok(of_wheel.max(of_speeds))
 }
 
