@@ -27,14 +27,8 @@ def without_vector(whorl: str, run: Path) -> list[str]:
     exported = run.with_name(f"{run.name}_exported")
     subprocess.run([whorl, "export", "csv", run, "--out", exported], check=True, stdout=subprocess.DEVNULL)
     channels = exported / "whorl_1.channels.yaml"
-    lines, inside, kept = channels.read_text().splitlines(), None, []
-    for line in lines:
-        depth = len(line) - len(line.lstrip())
-        if inside is not None and depth > inside:
-            continue
-        inside = depth if re.match(r" *vector\w*:", line) else None
-        if inside is None:
-            kept.append(line)
+    lines = channels.read_text().splitlines()
+    kept = [line for line in lines if not line.strip().startswith("vectors.")]
     if len(kept) == len(lines):
         raise SystemExit(f"{channels} has no vector sensor")
     channels.write_text("\n".join(kept) + "\n")
