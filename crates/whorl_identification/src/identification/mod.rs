@@ -154,7 +154,7 @@ pub fn identify(
     findings.extend(findings::of_fit(&after, &of_run));
     if after.iter().any(|run| run.unexplained.is_some()) {
         let log_fitted = fitted.followed.iter().map(Followed::log_likelihood).sum();
-        findings.extend(wheels::check(&recordings, &away_from_stop(model), log_fitted, settings)?);
+        findings.extend(wheels::check(&recordings, &as_fitted(model, &recordings), log_fitted, settings)?);
     }
     let errors = (error(&before), error(&after));
     Ok(conclude(&Fit { parameters, prior, fitted, errors, recordings: &recordings, findings }))
@@ -219,13 +219,20 @@ fn fitted(
     parameters: &Parameters<'_>,
     settings: &Settings,
 ) -> Result<whorl_prediction::Fitted, DataError> {
-    let model_at = |units: &[f64]| parameters.model_at(units).map(|model| away_from_stop(&model));
+    let model_at = |units: &[f64]| parameters.model_at(units).map(|model| as_fitted(&model, recordings));
     let as_given = vec![0.0; parameters.free.len()];
     Ok(fit(recordings, &parameters.known(), &model_at, &[as_given], settings)?)
 }
 
-fn compared(recordings: &[Recording], model: &PlatformModel) -> Result<Vec<Comparison>, ValidationError> {
+/// A model as these recordings are fitted with it.
+fn as_fitted(model: &PlatformModel, recordings: &[Recording]) -> PlatformModel {
     let model = away_from_stop(model);
+    let commanded = recordings.iter().any(|run| !run.wheel_torque_command_n_m.is_empty());
+    if commanded { model } else { wheels::along_speeds(&model) }
+}
+
+fn compared(recordings: &[Recording], model: &PlatformModel) -> Result<Vec<Comparison>, ValidationError> {
+    let model = as_fitted(model, recordings);
     recordings.iter().map(|run| compare(run, &model)).collect()
 }
 

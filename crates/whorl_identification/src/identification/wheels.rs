@@ -49,20 +49,21 @@ fn suspicions(
     model: &PlatformModel,
     settings: &Settings,
 ) -> Vec<(usize, f64, f64)> {
-    let along_speeds: Vec<Recording> = recordings
+    let driven: Vec<Recording> = recordings
         .iter()
         .filter(|run| !run.wheel_speed_rad_s.is_empty())
         .map(|run| Recording { wheel_torque_command_n_m: Series::default(), ..run.clone() })
         .collect();
     let wheels = model.wheels().len();
-    if along_speeds.is_empty() || wheels == 0 {
+    if driven.is_empty() || wheels == 0 {
         return Vec::new();
     }
     let known = Parameter { stddev: 1.0, range: (-2.0, 2.0) };
     let given = vec![0.0; wheels];
+    let model = along_speeds(model);
     let model_at = |units: &[f64]| {
         let shares = units.iter().map(|units| 1.0 + LOOSE_STRENGTH * units);
-        Some(with_strengths(model, shares))
+        Some(with_strengths(&model, shares))
     };
     let turned = |j: usize| {
         let mut start = given.clone();
@@ -74,7 +75,7 @@ fn suspicions(
     let starts: Vec<Vec<f64>> = std::iter::once(given.clone()).chain((0..wheels).map(turned)).collect();
     // Beside disturbances only what a second shows would count, and over that the speeds are mostly noise: momentum over the whole run tells.
     let alone = Settings { level_needed_nats: f64::INFINITY, ..*settings };
-    let Ok(found) = fit(&along_speeds, &vec![known; wheels], &model_at, &starts, &alone) else {
+    let Ok(found) = fit(&driven, &vec![known; wheels], &model_at, &starts, &alone) else {
         return Vec::new();
     };
     let all = found.at.iter().enumerate().map(|(j, units)| {
@@ -111,6 +112,16 @@ fn log_of_share(
     let numbers: usize = read.map(|run| run.wheel_speed_rad_s.len()).sum();
     let of_speeds = log(&scaled, model)? + numbers as f64 * share.abs().max(LEAST_STRENGTH).ln();
     Ok(of_wheel.max(of_speeds))
+}
+
+/// A model whose wheels go as their speeds were measured: what they give the body is their inertia times their acceleration, whatever their
+/// friction is. Friction that is added to the torque and taken away by the model would not cancel where a wheel turns round.
+pub(super) fn along_speeds(model: &PlatformModel) -> PlatformModel {
+    let mut model = model.clone();
+    for wheel in model.wheels_mut() {
+        (wheel.viscous_friction_n_m_s, wheel.coulomb_friction_n_m) = (0.0, 0.0);
+    }
+    model
 }
 
 fn said(name: &str, share: f64, stddev: f64) -> Finding {

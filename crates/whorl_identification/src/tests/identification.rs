@@ -83,6 +83,20 @@ fn all_nine_parameters_from_a_hundred_seconds() {
     assert!(band.contains(&sum), "{sum}");
 }
 
+/// Where torques of wheels were not recorded, their speeds drive them; they turn round again and again.
+#[test]
+fn speeds_of_wheels_do_where_their_commands_are_missing() {
+    let truth = PlatformModel::whorl_1_reference();
+    let mut run = run_of(&truth, 1);
+    run.wheel_torque_command_n_m = Default::default();
+    let found =
+        identify(&[&run], &wrong_model(&truth), &known_actuators(&truth), &Settings::default()).unwrap();
+    print(&truth, &found);
+    assert!(found.usable(), "{:?}", found.findings);
+    assert!(normalised(&truth, &found) < 27.9, "99.9 % of chi-squared(9)");
+    assert!(!found.findings.iter().any(|f| f.text.contains("motor")), "{:?}", found.findings);
+}
+
 /// A still platform determines nothing, which must be reported.
 #[test]
 fn a_still_platform_determines_next_to_nothing() {
