@@ -221,14 +221,17 @@ fn fitted(
 ) -> Result<whorl_prediction::Fitted, DataError> {
     let model_at = |units: &[f64]| parameters.model_at(units).map(|model| as_fitted(&model, recordings));
     let as_given = vec![0.0; parameters.free.len()];
+    // Torques that are made from speeds have the tachometers' noise: allowed for as a disturbance it would leave the parameters nothing to
+    // explain within its correlation time, while over longer times it is none.
+    let alone = Settings { level_needed_nats: f64::INFINITY, ..*settings };
+    let settings = if wheels::go_along_speeds(recordings) { &alone } else { settings };
     Ok(fit(recordings, &parameters.known(), &model_at, &[as_given], settings)?)
 }
 
 /// A model as these recordings are fitted with it.
 fn as_fitted(model: &PlatformModel, recordings: &[Recording]) -> PlatformModel {
     let model = away_from_stop(model);
-    let commanded = recordings.iter().any(|run| !run.wheel_torque_command_n_m.is_empty());
-    if commanded { model } else { wheels::along_speeds(&model) }
+    if wheels::go_along_speeds(recordings) { wheels::along_speeds(&model) } else { model }
 }
 
 fn compared(recordings: &[Recording], model: &PlatformModel) -> Result<Vec<Comparison>, ValidationError> {

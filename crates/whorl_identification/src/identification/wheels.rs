@@ -17,6 +17,8 @@ const LOOSE_STRENGTH: f64 = 2.0;
 const LEAST_STRENGTH: f64 = 1e-3;
 /// Strengths that are known worse than this say nothing.
 const KNOWN: f64 = 0.3;
+/// Factor to a limit that nothing reaches.
+const FAR_BEYOND: f64 = 1e3;
 /// Shares that are as close to one as this are the platform's inertia as well as the wheel's.
 const FAR_OFF: f64 = 0.3;
 
@@ -114,12 +116,20 @@ fn log_of_share(
     Ok(of_wheel.max(of_speeds))
 }
 
+/// Whether no wheel's torque was recorded, but speeds were: wheels are driven along them.
+pub(super) fn go_along_speeds(recordings: &[Recording]) -> bool {
+    recordings.iter().all(|run| run.wheel_torque_command_n_m.is_empty())
+        && recordings.iter().any(|run| !run.wheel_speed_rad_s.is_empty())
+}
+
 /// A model whose wheels go as their speeds were measured: what they give the body is their inertia times their acceleration, whatever their
-/// friction is. Friction that is added to the torque and taken away by the model would not cancel where a wheel turns round.
+/// friction and their motors' limits are. Friction that is added to the torque and taken away by the model would not cancel where a wheel
+/// turns round, and of torques with the tachometers' noise a limit would take the peaks away, on one side alone.
 pub(super) fn along_speeds(model: &PlatformModel) -> PlatformModel {
     let mut model = model.clone();
     for wheel in model.wheels_mut() {
         (wheel.viscous_friction_n_m_s, wheel.coulomb_friction_n_m) = (0.0, 0.0);
+        wheel.max_torque_n_m *= FAR_BEYOND;
     }
     model
 }

@@ -93,7 +93,12 @@ fn speeds_of_wheels_do_where_their_commands_are_missing() {
         identify(&[&run], &wrong_model(&truth), &known_actuators(&truth), &Settings::default()).unwrap();
     print(&truth, &found);
     assert!(found.usable(), "{:?}", found.findings);
-    assert!(normalised(&truth, &found) < 27.9, "99.9 % of chi-squared(9)");
+    // Deviations do not count the tachometers' noise, which is in the torques: errors are what holds.
+    let t = mass_vector(&truth.mass_properties);
+    for i in 0..MASS_PARAMETERS {
+        let allowed = if [1, 2, 4].contains(&i) { 0.02 } else { 0.02 * t[i].abs() };
+        assert!((found.estimate[i] - t[i]).abs() < allowed, "{}", NAMES[i]);
+    }
     assert!(!found.findings.iter().any(|f| f.text.contains("motor")), "{:?}", found.findings);
 }
 
