@@ -238,7 +238,7 @@ pub fn identify(
         let found = whorl_identification::identify(&all, &known.model, &prior, &Settings::default())?;
         let json = identification::as_json(&known.platform, &known.model, &found);
         let new = found
-            .updated(&known.model, &prior)
+            .updated()
             .ok()
             .map(|(model, prior)| Platform(Arc::new(KnownPlatform { model, prior, ..known.clone() })));
         Ok((json.to_string(), new))

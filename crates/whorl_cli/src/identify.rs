@@ -9,7 +9,7 @@ use whorl_commands::identify::as_json;
 use whorl_dynamics::PlatformModel;
 use whorl_explain::changes::changes;
 use whorl_identification::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, UNITS, mass_vector};
-use whorl_identification::{Determined, EffectParameter, Finding, Identification, Settings, identify};
+use whorl_identification::{Determined, Finding, FittedParameter, Identification, Settings, identify};
 use whorl_params::ModelStep;
 use whorl_recording::{KnownPlatform, Recording};
 use whorl_reproduce::regression::{
@@ -27,9 +27,9 @@ use whorl_math::three_digits;
 pub struct Arguments {
     #[command(flatten)]
     runs: RunArguments,
-    /// Method: `trajectory` integrates the equations of motion between samples and is recommended;
-    /// the others are the dissertation's regressions, for comparison.
-    #[arg(long, value_enum, default_value_t = Method::Trajectory)]
+    /// Method: `likelihood` finds the values with which the model predicts the readings best and is recommended; the others
+    /// are the dissertation's regressions, for comparison.
+    #[arg(long, value_enum, default_value_t = Method::Likelihood)]
     method: Method,
     /// Steps between the rows of the momentum integral.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=100))]
@@ -56,7 +56,9 @@ pub struct Arguments {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Method {
-    Trajectory,
+    // The name that it had.
+    #[value(alias = "trajectory")]
+    Likelihood,
     Torque,
     Momentum,
     Energy,
@@ -83,14 +85,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         }
     }
     let runs = arguments.runs.read()?;
-    if arguments.method == Method::Trajectory {
+    if arguments.method == Method::Likelihood {
         let mut known = runs.known.clone();
         known.prior = known.prior.with_mass_properties_scaled(arguments.prior_scale);
-        trajectory(arguments, &known, &runs.training)
+        by_likelihood(arguments, &known, &runs.training)
     } else {
         if arguments.out.is_some() {
             bail!(
-                "--out goes with --method trajectory: the regressions have no uncertainty that could be written down"
+                "--out goes with --method likelihood: the regressions have no uncertainty that could be written down"
             );
         }
         let found: Vec<Value> = runs
@@ -104,30 +106,34 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
 }
 
-fn trajectory(arguments: &Arguments, known: &KnownPlatform, recordings: &[Recording]) -> anyhow::Result<()> {
+fn by_likelihood(
+    arguments: &Arguments,
+    known: &KnownPlatform,
+    recordings: &[Recording],
+) -> anyhow::Result<()> {
     let recordings: Vec<&Recording> = recordings.iter().collect();
     let found = identify(&recordings, &known.model, &known.prior, &Settings::default())?;
     say!(
-        "{} from {:.1} s of {} run{}: residuals {:.2} times the sensors' noise",
+        "{} from {:.1} s of {} run{}: prediction error {} times the noise, {} with the model as given",
         known.platform,
         found.duration_s,
         recordings.len(),
         if recordings.len() == 1 { "" } else { "s" },
-        found.reduced_chi_squared.sqrt()
+        found.error_after.map_or_else(|| "-".to_owned(), three_digits),
+        found.error_before.map_or_else(|| "-".to_owned(), three_digits)
     );
     print_identification(&known.model, &found);
     print_findings(&found.findings);
     // Before anything is written: what was found is worth knowing also where it cannot be used.
     arguments.json.write(|| {
         let mut value = as_json(&known.platform, &known.model, &found);
-        value["schema"] = json!(1);
+        value["schema"] = json!(2);
         value["runs"] = json!(recordings.iter().map(|r| r.name.as_str()).collect::<Vec<_>>());
         Ok(value)
     })?;
     let Some(out) = &arguments.out else { return Ok(()) };
-    let (model, prior) = found
-        .updated(&known.model, &known.prior)
-        .with_context(|| format!("nothing was written to {}", out.display()))?;
+    let (model, prior) =
+        found.updated().with_context(|| format!("nothing was written to {}", out.display()))?;
     let source = provenance_of_this(&arguments.runs)?;
     let changes = changes((&known.model, &model), (&known.prior, &prior), &source);
     whorl_commands::model_file::prepare_out(out, known)?;
@@ -169,7 +175,7 @@ fn regress(arguments: &Arguments, model: &PlatformModel, recording: &Recording) 
         })
         .collect();
     table::print(&headings(&["", "#model", "#found", "#singular value", "unit"]), &cells);
-    say!("Regressions are biased by noise where the excitation is weak; `--method trajectory` is not.");
+    say!("Regressions are biased by noise where the excitation is weak; `--method likelihood` is not.");
     let parameters: Vec<Value> = (0..MASS_PARAMETERS)
         .map(|i| {
             json!({"name": NAMES[i], "unit": UNITS[i], "before": before[i], "estimate": solution.estimate[i],
@@ -221,8 +227,19 @@ pub fn print_identification(model: &PlatformModel, found: &Identification) {
         ]),
         &cells,
     );
-    for EffectParameter { effect, name, unit, value, stddev } in &found.effects {
-        say!("  {effect} {name}: {} +- {} {unit}", three_digits(*value), three_digits(*stddev));
+    // Of actuators what the data changed: there may be dozens.
+    let told = |p: &&FittedParameter| p.determined != Determined::No || p.at_bound;
+    for p in found.effects.iter().chain(found.actuators.iter().filter(told)) {
+        say!(
+            "  {} {}: {} +- {} {} (before +- {}){}",
+            p.effect,
+            p.name,
+            three_digits(p.value),
+            three_digits(p.stddev),
+            p.unit,
+            three_digits(p.prior_stddev),
+            if p.at_bound { ", at an end of what is plausible" } else { "" }
+        );
     }
     let values: Vec<String> = found.singular_values.iter().map(|v| three_digits(v.sqrt())).collect();
     say!("  singular values of the information over the prior's: {}", values.join(", "));

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use whorl_dynamics::PlatformModel;
 use whorl_identification::mass_parameters::{MASS_PARAMETERS, NAMES, UNITS, mass_vector};
-use whorl_identification::{Finding, Identification};
+use whorl_identification::{Determined, Finding, FittedParameter, Identification};
 
 /// Everything that was identified, beside what the model had before.
 #[must_use]
@@ -15,15 +15,8 @@ pub fn as_json(platform: &str, model: &PlatformModel, found: &Identification) ->
                 "name": NAMES[i], "unit": UNITS[i], "before": before[i], "estimate": found.estimate[i],
                 "stddev": stddev[i], "stddev_known_actuators": found.stddev_known_actuators[i],
                 "prior_stddev": found.prior_stddev[i],
-                "determined": format!("{:?}", found.determined[i]).to_lowercase(),
+                "determined": determined(found.determined[i]),
             })
-        })
-        .collect();
-    let effects: Vec<Value> = found
-        .effects
-        .iter()
-        .map(|p| {
-            json!({"effect": p.effect, "name": p.name, "unit": p.unit, "estimate": p.value, "stddev": p.stddev})
         })
         .collect();
     let covariance: Vec<Vec<f64>> =
@@ -31,13 +24,35 @@ pub fn as_json(platform: &str, model: &PlatformModel, found: &Identification) ->
     json!({
         "platform": platform,
         "duration_s": found.duration_s,
-        "residual_over_noise": found.reduced_chi_squared.sqrt(),
+        "prediction_error": {"before": found.error_before, "after": found.error_after},
+        "gain_nats": found.gain_nats,
         "usable": found.usable(),
         "parameters": parameters,
         "covariance": covariance,
-        "effects": effects,
+        "moved_to_realisable": found.moved_to_realisable,
+        "effects": beside_as_json(&found.effects),
+        "actuators": beside_as_json(&found.actuators),
         "findings": findings_as_json(&found.findings),
     })
+}
+
+fn beside_as_json(parameters: &[FittedParameter]) -> Vec<Value> {
+    let one = |p: &FittedParameter| {
+        json!({
+            "effect": p.effect, "name": p.name, "unit": p.unit, "before": p.before, "estimate": p.value,
+            "stddev": p.stddev, "prior_stddev": p.prior_stddev,
+            "determined": determined(p.determined), "at_bound": p.at_bound,
+        })
+    };
+    parameters.iter().map(one).collect()
+}
+
+fn determined(determined: Determined) -> &'static str {
+    match determined {
+        Determined::Yes => "yes",
+        Determined::Hardly => "hardly",
+        Determined::No => "no",
+    }
 }
 
 /// Findings of an identification, a calibration or a balancing.

@@ -45,8 +45,7 @@ pub fn compare(case: &Case<'_>, say: &mut Say<'_>) -> Result<Vec<ComparedRun>, E
 ///   version's name ("as given", "base refitted", "with ...").
 #[must_use]
 pub fn prediction_error(runs: &[ComparedRun], held_out: bool) -> Option<f64> {
-    let all = runs.iter().filter(|r| r.held_out == held_out).filter_map(|r| r.comparison.prediction);
-    let (squares, numbers) =
-        all.fold((0.0, 0), |(squares, numbers), of| (squares + of.squares, numbers + of.numbers));
-    (numbers > 0).then(|| (squares / numbers as f64).sqrt())
+    whorl_validation::prediction_error(
+        runs.iter().filter(|run| run.held_out == held_out).map(|run| &run.comparison),
+    )
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Unit, Vector3};
 
-use crate::data::Finding;
+use crate::finding::Finding;
 
 /// Something that moves a known weight along a line: a linear actuator, a battery in its slots.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,7 +1,6 @@
 //! Mass properties, sensor calibration, balancing and the design of experiments that determine them.
 //!
-//! [`trajectory::identify`] is the method to use: the equations of motion integrated between samples,
-//! weighted with the sensors' noise, with priors, and with a consistent uncertainty.
+//! [`identify`] is the method to use: the likelihood of the readings, with priors, and with a consistent uncertainty.
 //!
 //! Source of names and equation numbers: J. L. Schwartz, *The Distributed Spacecraft Attitude Control
 //! System Simulator*, Ph.D. dissertation, Virginia Tech, 2004, sections 4.2-4.4 and 4.6. Where its
@@ -11,14 +10,17 @@
 
 pub mod balance;
 pub mod calibration;
-pub mod data;
+mod finding;
+mod identification;
 pub mod mass_parameters;
 pub mod realisability;
 pub mod sequential;
 #[cfg(test)]
 mod tests;
-pub mod trajectory;
 
-pub use data::{DataError, Finding};
+pub use finding::{DataError, Finding};
+pub use identification::{
+    Determined, FittedParameter, Identification, UpdateError, identify, predict, usable_readings,
+};
 pub use mass_parameters::{MassCovariance, MassVector};
-pub use trajectory::{Determined, EffectParameter, Identification, Settings, UpdateError, identify, predict};
+pub use whorl_prediction::Settings;

@@ -9,6 +9,7 @@ use whorl_dynamics::plant::{Acts, LinearisedPlant};
 use whorl_recording::Channel;
 
 use crate::error::PredictionError;
+use crate::heading::UnseenHeading;
 use crate::known::KnownBefore;
 use crate::laws::{Law, Push};
 use crate::other::{Differs, Does, Other, Varied};
@@ -187,6 +188,7 @@ impl<'a> Columns<'a> {
         plant: &Plant,
         linearised: &LinearisedPlant,
         transition: &DMatrix<f64>,
+        heading: UnseenHeading,
     ) -> bool {
         let (m, n) = (transition.nrows(), self.rates.len());
         let step_s = (plant.now_ns() - self.reference.plant.now_ns()) as f64 * 1e-9;
@@ -236,6 +238,7 @@ impl<'a> Columns<'a> {
                 transition.view((0, 0), (n, n)) * before.rows(0, n)
             };
             moved.rows_mut(0, n).axpy(1.0, &of_plant, 1.0);
+            heading.out_of_change(&mut moved, plant);
             stepped.push((k, moved));
         }
         let mut moving = self.of_state.columns(0, m).into_owned();

@@ -1,39 +1,80 @@
 //! The heading of a platform on which nothing shows a heading.
 
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 use whorl_dynamics::plant::{LinearisedPlant, Plant, ROTATION};
+use whorl_math::vertical_b;
 use whorl_recording::Channel;
 
 use crate::prepared::Prepared;
+use crate::transition::Step;
 
 /// Share of the derivatives by attitude below which motion and readings do not depend on the heading: differences that make them
 /// err by less than a hundredth of it.
 const NOTHING: f64 = 1e-6;
 
-/// The vertical in the body, where neither the motion nor a reading depends on how far the platform is turned about it.
+/// Whether neither the motion nor a reading depends on how far the platform is turned about the vertical.
 ///
-/// Such a heading can be anything, and a filter takes the one that it has. With a heading that is uncertain every correction of the
-/// tilt would make the axis of what is uncertain a little another one, and the filter would learn of it what no reading says:
-/// Huang, Mourikis, Roumeliotis 2010, "Observability-based rules for designing consistent EKF SLAM estimators".
+/// Such a heading can be anything, and a filter takes the one that it has, at the start and all the way. With a heading that is
+/// uncertain every correction of the tilt would make the axis of what is uncertain a little another one, and the filter would learn
+/// of it what no reading says: Huang, Mourikis, Roumeliotis 2010, "Observability-based rules for designing consistent EKF SLAM
+/// estimators". What a body's axes are turned by about others than the vertical does not depend on the heading, so that nothing is lost.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct UnseenHeading(Option<Vector3<f64>>);
+pub(crate) struct UnseenHeading {
+    is_unseen: bool,
+    /// The vertical at the start, body axes.
+    at_start_b: Vector3<f64>,
+}
 
 impl UnseenHeading {
-    /// In the present state of a plant.
+    /// Of a plant at its start.
     pub fn of(case: &Prepared<'_>, plant: &Plant, linearised: &LinearisedPlant) -> Self {
-        let vertical_b = plant.state().q_world_body.inverse_transform_vector(&Vector3::z());
+        let at_start_b = vertical_b(&plant.state().q_world_body);
         let seen = case.tracks().iter().any(|track| track.channel == Channel::Vector);
-        Self((!seen && !matters(linearised, &vertical_b)).then_some(vertical_b))
+        Self { is_unseen: !seen && !matters(linearised, &at_start_b), at_start_b }
     }
 
-    /// A covariance without it.
+    /// A covariance of the start without it.
     pub fn out_of(self, covariance: &DMatrix<f64>) -> DMatrix<f64> {
-        let Some(vertical_b) = self.0 else { return covariance.clone() };
-        let n = covariance.nrows();
-        let mut tilts = DMatrix::identity(n, n);
-        let level = Matrix3::identity() - vertical_b * vertical_b.transpose();
-        tilts.view_mut((ROTATION.start, ROTATION.start), (3, 3)).copy_from(&level);
-        &tilts * covariance * &tilts
+        let mut without = covariance.clone();
+        if self.is_unseen {
+            level_rows(&mut without, &self.at_start_b);
+            without.transpose_mut();
+            level_rows(&mut without, &self.at_start_b);
+        }
+        without
+    }
+
+    /// A step that ends where a plant is, without what it does to the heading; `None`: as it is.
+    pub fn out_of_step(self, step: &Step, plant: &Plant) -> Option<Step> {
+        self.is_unseen.then(|| {
+            let vertical_b = vertical_b(&plant.state().q_world_body);
+            let mut without = step.clone();
+            level_rows(&mut without.transition, &vertical_b);
+            for noise in without.noise.iter_mut().chain(&mut without.of_model) {
+                level_rows(noise, &vertical_b);
+                noise.transpose_mut();
+                level_rows(noise, &vertical_b);
+            }
+            without
+        })
+    }
+
+    /// A change of the state over a step that ends where a plant is, without that of the heading.
+    pub fn out_of_change(self, change: &mut DVector<f64>, plant: &Plant) {
+        if self.is_unseen {
+            let vertical_b = vertical_b(&plant.state().q_world_body);
+            let mut turn = change.fixed_rows_mut::<3>(ROTATION.start);
+            turn -= vertical_b * turn.dot(&vertical_b);
+        }
+    }
+}
+
+/// Takes turns about the vertical out of the rows of the attitude.
+fn level_rows(matrix: &mut DMatrix<f64>, vertical_b: &Vector3<f64>) {
+    let mut turns = matrix.fixed_rows_mut::<3>(ROTATION.start);
+    for mut turn in turns.column_iter_mut() {
+        let about = turn.dot(vertical_b);
+        turn.axpy(-about, vertical_b, 1.0);
     }
 }
 

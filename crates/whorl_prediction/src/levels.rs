@@ -125,9 +125,11 @@ fn followed_from(
 /// Torques so large that they make the fastest motion of the run within a second.
 fn first_guess(case: &Prepared<'_>) -> Disturbance {
     let (body, wheels) = fastest_change(case);
+    // Where no speed is a reading, no motor shows.
+    let shown = case.tracks().iter().any(|track| track.channel == Channel::WheelSpeed);
     Disturbance {
         stddev_b_n_m: [body; 3],
-        motors_n_m: wheels,
+        motors_n_m: if shown { wheels } else { Vec::new() },
         correlation_s: case.settings().disturbance_correlation_s,
     }
 }

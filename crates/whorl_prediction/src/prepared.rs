@@ -63,7 +63,7 @@ impl<'a> Prepared<'a> {
         let commands = Commands::of(recording, &gyrostat);
         let mut hidden_noise = vec![0.0; gyrostat.effects().hidden_states()];
         gyrostat.effects().hidden_noise(&mut hidden_noise);
-        let plant = plant_before(recording, model, first_ns, clamped)?;
+        let plant = plant_before(recording, model, &commands, first_ns, clamped)?;
         // As it moves when it moves as fast as it ever was read to.
         let moving = fastest_rate_1_s(&moving_fastest(&plant, recording).linearised().rate_by_state);
         let fastest_1_s = moving.max(swings_1_s(model));
@@ -93,7 +93,7 @@ impl<'a> Prepared<'a> {
     pub(crate) fn varied(&self, model: &PlatformModel) -> Result<OtherModel<'a>, PredictionError> {
         let gyrostat = Gyrostat::new(model)?;
         let commands = Commands::of(self.recording, &gyrostat);
-        let plant = plant_before(self.recording, model, self.first_ns(), self.clamped)?;
+        let plant = plant_before(self.recording, model, &commands, self.first_ns(), self.clamped)?;
         let sensors = gyrostat.model().sensors;
         let low_pass_s = |sensors: &SensorSuite| {
             [sensors.gyro.errors.time_constant_s, sensors.accelerometer.errors.time_constant_s]
@@ -276,14 +276,16 @@ fn at_first_reading(commands: &Commands<'_>, plant: Plant, first_ns: i64) -> (Pl
     if run_to(commands, &mut moved, &mut event, first_ns) { (moved, event) } else { (plant, begun) }
 }
 
-/// A plant that stands at the start of a recording, or at its first reading if that is before.
+/// A plant that stands at the first command of a recording, or at its first reading if that is before: until then nothing happens.
 fn plant_before(
     recording: &Recording,
     model: &PlatformModel,
+    commands: &Commands<'_>,
     first_ns: i64,
     clamped: bool,
 ) -> Result<Plant, PredictionError> {
-    let begun = InitialState { time_ns: first_ns.min(0), ..InitialState::default() };
+    let time_ns = commands.event_ns(0).map_or(first_ns, |command_ns| command_ns.min(first_ns));
+    let begun = InitialState { time_ns, ..InitialState::default() };
     let quiet = quiet(model, recording);
     let mut plant = Plant::new(&quiet, &begun, 0)?.without_random_torque().without_latency();
     plant.set_clamped(clamped);

@@ -49,20 +49,23 @@ impl Filter<'_> {
             }
             self.lost = !self.case.run_to(&mut self.plant, &mut self.event, end_ns);
             let h_s = (end_ns - from_ns) as f64 * 1e-9;
-            let (step, holds) = self.errors_over(end_ns - from_ns);
+            let (held, holds) = self.errors_over(end_ns - from_ns);
+            let levelled = self.heading.out_of_step(&held, &self.plant);
+            let step = levelled.as_ref().unwrap_or(&held);
             if let Some(columns) = &mut self.columns {
-                self.lost |= !columns.follow(self.case, &self.plant, &self.linearised, &step.transition);
+                let (plant, linearised) = (&self.plant, &self.linearised);
+                self.lost |= !columns.follow(self.case, plant, linearised, &step.transition, self.heading);
             }
-            self.grow(&step, h_s);
+            self.grow(step, h_s);
             self.push_motors(&step.transition);
             let fades = (-h_s / self.noise.disturbance.correlation_s).exp();
             for i in self.layout.plant.size()..self.layout.moving() {
                 self.beside[i] *= fades;
             }
             if let Some(claims) = &mut self.claims {
-                claims.follow(&step);
+                claims.follow(step);
             }
-            self.over_step = holds.then_some((end_ns - from_ns, step));
+            self.over_step = holds.then_some((end_ns - from_ns, held));
         }
         self.hold_wheels();
     }

@@ -3,7 +3,7 @@
 use nalgebra::{Unit, Vector3};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_identification::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, UNITS, mass_vector};
-use whorl_identification::{DataError, Identification, Settings, identify};
+use whorl_identification::{Identification, Settings, identify};
 use whorl_math::attitude_from_vertical;
 use whorl_math::statistics::median;
 use whorl_report::Reproduction;
@@ -12,6 +12,7 @@ use crate::data::{measured, rigid_whorl_1};
 use crate::identification_sentences::{
     asked_sentence, cad_sentence, loss_sentence, printed_error_percent, sign_sentence, tilt_sentence,
 };
+use crate::prepared::DataError;
 use crate::printed_tables;
 use crate::regression::{Form, Method, RegressionError, Solution, Weighting, estimated_series, rows, solve};
 use crate::rigid_body::simulate_rigid_body;
@@ -129,11 +130,10 @@ pub fn filtered(vector: bool) -> Reproduction {
     let mut loose = ModelPrior::typical(&slow);
     loose.inertia_b_kg_m2 *= 10.0;
     loose.gravity_offset_b_n_m *= 10.0;
-    let settings = Settings { step_s: 0.1, ..Settings::default() };
-    let found = identify(&[&run], &slow, &loose, &settings);
+    let found = identify(&[&run], &slow, &loose, &Settings::default());
     let mut ours = regressions.unwrap_or_else(|_| vec![missing(); 3]);
     ours.push(found.as_ref().map_or_else(|_| missing(), |f| f.estimate));
-    let names = ["torque", "momentum", "torque, total least squares", "trajectory, same data"];
+    let names = ["torque", "momentum", "torque, total least squares", "likelihood, same data"];
     let printed = if vector { &TABLE_4_3 } else { &TABLE_4_4 };
     let printed_name = if vector { "Table 4.3" } else { "Table 4.4" };
     let runs = printed_tables::sweep();
@@ -142,12 +142,12 @@ pub fn filtered(vector: bool) -> Reproduction {
     match &found {
         Ok(found) => {
             sentences.push(format!(
-                "The trajectory method says of the same data: +- {}. {}",
+                "The likelihood method says of the same data: +- {}. {}",
                 stddevs(found),
                 found.findings.iter().map(|f| f.text.clone()).collect::<Vec<_>>().join(" ")
             ));
         }
-        Err(error) => sentences.push(format!("The trajectory method refuses these data: {error}")),
+        Err(error) => sentences.push(format!("The likelihood method refuses these data: {error}")),
     }
     Reproduction {
         table: Some(comparison(printed, &truth, &names, &ours)),
@@ -201,8 +201,8 @@ pub fn manoeuvre() -> Reproduction {
                 Ok(found) => {
                     if estimates.is_empty() {
                         sentences.push(format!(
-                            "{what}: tilt up to {tilt_deg:.1} deg, residuals {:.2} times the noise, +- {}.",
-                            found.reduced_chi_squared.sqrt(),
+                            "{what}: tilt up to {tilt_deg:.1} deg, predictions err {:.2} times what noise explains, +- {}.",
+                            found.error_after.unwrap_or(f64::NAN),
                             stddevs(&found)
                         ));
                     }

@@ -86,7 +86,7 @@ pub fn tilt_sentence(series: &StateSeries) -> String {
     )
 }
 
-/// What the torque method and the trajectory method lose on the table's own data.
+/// What the torque method and the likelihood method lose on the table's own data.
 pub fn loss_sentence(
     truth: &MassVector,
     ours: &[MassVector],
@@ -95,7 +95,7 @@ pub fn loss_sentence(
 ) -> String {
     let percent = |e: &MassVector, i: usize| 100.0 * ((e[i] - truth[i]) / truth[i]).abs();
     let excited = |e: &MassVector| median([0, 1, 3, 6, 7, 8].map(|i| percent(e, i)));
-    let (Some(torque), Some(trajectory)) = (ours.first(), ours.last()) else { return String::new() };
+    let (Some(torque), Some(likelihood)) = (ours.first(), ours.last()) else { return String::new() };
     let rates = printed_run(sensed);
     let [across_deg_s, yaw_deg_s] = [false, true].map(|yaw| {
         let squares = rates.samples.iter().map(|s| {
@@ -120,14 +120,14 @@ pub fn loss_sentence(
     };
     let errors = &sensed.sensors;
     format!(
-        "Noise of {:.3} deg/s and {:.4} m/s^2 a sample, read at {:.0} Hz, begun level: the torque method is {:.0} % off in I_xx, I_xy, I_yy and the gravity offset (median) and {:.0} % in I_zz, which the thrust about x excites by a yaw rate of {yaw_deg_s:.2} deg/s (root mean square) where the others are {across_deg_s:.2} deg/s; the trajectory method on the same data {:.2} % and {:.1} %.{signature}",
+        "Noise of {:.3} deg/s and {:.4} m/s^2 a sample, read at {:.0} Hz, begun level: the torque method is {:.0} % off in I_xx, I_xy, I_yy and the gravity offset (median) and {:.0} % in I_zz, which the thrust about x excites by a yaw rate of {yaw_deg_s:.2} deg/s (root mean square) where the others are {across_deg_s:.2} deg/s; the likelihood method on the same data {:.2} % and {:.1} %.{signature}",
         errors.gyro.errors.noise_stddev.amax().to_degrees(),
         errors.accelerometer.errors.noise_stddev.amax(),
         errors.rate_hz,
         excited(torque),
         percent(torque, 5),
-        excited(trajectory),
-        percent(trajectory, 5)
+        excited(likelihood),
+        percent(likelihood, 5)
     )
 }
 

@@ -15,6 +15,7 @@ mod identification;
 mod identification_sentences;
 mod noise_map;
 mod perturbations;
+pub mod prepared;
 mod printed_tables;
 pub mod regression;
 pub mod rigid_body;
@@ -54,7 +55,7 @@ pub const ITEMS: [(&str, &str); 22] = [
     ("table_4_2", "Parameters from perfect data"),
     ("table_4_3", "Parameters from filtered data, two vector sensors"),
     ("table_4_4", "Parameters from filtered data, accelerometer alone"),
-    ("manoeuvre", "A designed manoeuvre and the integrated weighted method"),
+    ("manoeuvre", "A designed manoeuvre and the likelihood method"),
     ("sequential", "Convergence of the joint filters"),
 ];
 

@@ -146,7 +146,7 @@ fn bias_or_scatter(model: &whorl_dynamics::PlatformModel) -> String {
     let (which, why) = if bias > scatter {
         (
             "bias",
-            ": noise of the rate stands in the matrix, and total least squares or the trajectory method remove it (Table 4.3)",
+            ": noise of the rate stands in the matrix, and total least squares or the likelihood method remove it (Table 4.3)",
         )
     } else {
         ("scatter", "")

@@ -100,15 +100,14 @@ impl SweptRun {
         (squares.sum::<f64>() / MASS_PARAMETERS as f64).sqrt()
     }
 
-    /// Worst error of the trajectory method on the same recording, for what it was excited to find: I_xx, I_xy, I_yy and the
+    /// Worst error of the likelihood method on the same recording, for what it was excited to find: I_xx, I_xy, I_yy and the
     /// gravity offset \[%\].
-    fn worst_by_trajectory(&self) -> Option<f64> {
+    fn worst_by_likelihood(&self) -> Option<f64> {
         let truth = mass_vector(&self.sensors.mass_properties);
         let mut loose = ModelPrior::typical(&self.sensors);
         loose.inertia_b_kg_m2 *= 10.0;
         loose.gravity_offset_b_n_m *= 10.0;
-        let settings = Settings { step_s: 0.1, ..Settings::default() };
-        let found = identify(&[&self.recording], &self.sensors, &loose, &settings).ok()?;
+        let found = identify(&[&self.recording], &self.sensors, &loose, &Settings::default()).ok()?;
         let excited = [0, 1, 3, 6, 7, 8];
         Some(
             excited
@@ -165,9 +164,9 @@ pub fn sentences(runs: &[SweptRun], printed: &Printed, name: &str, stated_vector
             }
         ));
     }
-    if let Some(worst) = stated.worst_by_trajectory() {
+    if let Some(worst) = stated.worst_by_likelihood() {
         sentences.push(format!(
-            "On that very recording the trajectory method finds I_xx, I_xy, I_yy and the gravity offset within {worst:.2} %: what is lost is lost by the regression, not in the data."
+            "On that very recording the likelihood method finds I_xx, I_xy, I_yy and the gravity offset within {worst:.2} %: what is lost is lost by the regression, not in the data."
         ));
     }
     sentences

@@ -2,7 +2,6 @@
 
 use nalgebra::{Unit, Vector3};
 use whorl_dynamics::ModelPrior;
-use whorl_identification::data::prepare;
 use whorl_identification::mass_parameters::{MassVector, NAMES, mass_properties, mass_vector};
 use whorl_identification::sequential::{JointFilter, JointUpdate, SequentialEstimate};
 use whorl_math::attitude_from_vertical;
@@ -10,6 +9,7 @@ use whorl_report::{ReproducedPlot, Reproduction};
 
 use crate::data::{measured, rigid_whorl_1};
 use crate::identification::designed;
+use crate::prepared::prepare;
 use crate::rigid_body::simulate_rigid_body;
 
 /// Parameters that are shown: I_xx, I_zz, mgr_z.
@@ -42,7 +42,7 @@ pub fn convergence() -> Reproduction {
     }
     let mut prior = ModelPrior::typical(&off);
     prior.inertia_b_kg_m2 *= 3.0;
-    let Ok(data) = prepare(&[&run], &off, 0.05) else { return Reproduction::default() };
+    let Ok(chains) = prepare(&[&run], &off, 0.05) else { return Reproduction::default() };
     let filters = [
         ("extended", JointUpdate::Extended),
         ("iterated", JointUpdate::Iterated { iterations: 3 }),
@@ -52,7 +52,7 @@ pub fn convergence() -> Reproduction {
         .into_iter()
         .map(|(name, update)| {
             let mut filter = JointFilter::new(&off, &prior, update, 1.0, start);
-            let points = data.chains.iter().flat_map(|c| &c.points);
+            let points = chains.iter().flat_map(|c| &c.points);
             (name, points.filter_map(|p| filter.step(p)).collect())
         })
         .collect();

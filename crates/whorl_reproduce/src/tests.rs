@@ -214,7 +214,7 @@ fn perfect_data_give_the_parameters_but_for_the_rule_of_integration() {
 }
 
 #[test]
-fn filtered_data_bias_the_regressions_and_not_the_trajectory() {
+fn filtered_data_bias_the_regressions_and_not_the_likelihood() {
     for (name, regression) in [("table_4_3", 20.0..40.0), ("table_4_4", 35.0..60.0)] {
         let table = rows(name);
         let mut errors: Vec<f64> = table.values().map(|row| row[6].abs()).collect();
@@ -223,11 +223,11 @@ fn filtered_data_bias_the_regressions_and_not_the_trajectory() {
         // What the thrust about x excites.
         for parameter in ["I_xx", "I_xy", "I_yy", "mgr_x", "mgr_y", "mgr_z"] {
             let error = table[parameter][12].abs();
-            assert!(error < 1.0, "{name}: {parameter} by the trajectory is {error} % off");
+            assert!(error < 1.0, "{name}: {parameter} by the likelihood is {error} % off");
         }
         assert!(table["I_zz"][6].abs() > 20.0 && table["I_zz"][12].abs() < 5.0, "{name}: I_zz");
     }
-    // The start, phase, noise and sensors that the text does not print are swept; the trajectory method stands each.
+    // The start, phase, noise and sensors that the text does not print are swept; the likelihood method stands each.
     for name in ["table_4_3", "table_4_4"] {
         let sentences = &item(name).sentences;
         assert!(
@@ -237,7 +237,7 @@ fn filtered_data_bias_the_regressions_and_not_the_trajectory() {
                     || s.contains("reproduces the printed errors")),
             "{sentences:?}"
         );
-        let kept = sentences.iter().find(|s| s.contains("trajectory method finds")).unwrap();
+        let kept = sentences.iter().find(|s| s.contains("likelihood method finds")).unwrap();
         let within: f64 = kept.split("within ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
         assert!(within < 5.0, "{kept}");
     }

@@ -14,7 +14,7 @@ mod tests;
 mod unexplained;
 mod whereabouts;
 
-pub use comparison::{Comparison, SMALL_ERROR, compare};
+pub use comparison::{Comparison, SMALL_ERROR, compare, prediction_error};
 pub use error::ValidationError;
 pub use unexplained::{UnexplainedTorques, unexplained_torques};
 pub use whereabouts::{Followed, OfMotor, Whereabouts, explain_where};

@@ -27,6 +27,12 @@ pub(crate) fn remarks(case: &Prepared<'_>, noise: &Noise, stated: &Noise) -> Vec
         "The wheels' speeds were not recorded: they are assumed to start at rest.",
     );
     say(
+        !model.wheels().is_empty()
+            && recording.wheel_speed_rad_s.is_empty()
+            && recording.wheel_torque_command_n_m.is_empty(),
+        "Neither the wheels' speeds nor their torque commands were recorded: the model's wheels rest, and what the platform's do would appear as unknown torques.",
+    );
+    say(
         model.freedom == Freedom::OnBearing && !clamped && recording.specific_force_b_m_s2.is_empty(),
         "The accelerometer was not recorded: the platform is assumed to start near balance, so tilt, and with it the gravity torque, is poorly known.",
     );

@@ -407,9 +407,11 @@ def identify(
         text, identified = _native.identify(training, known, prior_scale, show)
     data = json.loads(text)
     runs_s = f"{len(training)} run" + ("s" if len(training) > 1 else "")
+    errors = data["prediction_error"]
+    before, after = ("-" if e is None else f"{e:.2f}" for e in (errors["before"], errors["after"]))
     answer = [
-        f"{data['platform']} from {data['duration_s']:.1f} s of {runs_s}: residuals {data['residual_over_noise']:.2f} "
-        "times the sensors' noise"
+        f"{data['platform']} from {data['duration_s']:.1f} s of {runs_s}: prediction error {after} times the noise, "
+        f"{before} with the model as given"
     ]
     answer += [("DO NOT USE: " if f["fatal"] else "note: ") + f["text"] for f in data["findings"]]
     found = Identification(data, answer, None, case)

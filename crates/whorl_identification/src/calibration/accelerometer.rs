@@ -7,13 +7,13 @@
 //! it cannot be told from a scale error that all axes have.
 
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector, Vector3};
+use whorl_dynamics::sensing::untangled;
 use whorl_math::GRAVITY_M_S2;
 
 use super::misfit::{Misfit, said};
 use super::still::Still;
 use super::{CalibrationSettings, SensorCalibration};
-use crate::data::Finding;
-use whorl_dynamics::sensing::untangled;
+use crate::finding::Finding;
 
 /// Largest plausible values: bias [m/s^2], scale \[1\] and angles between the axes \[rad\].
 const WIDEST: [f64; 3] = [2.0, 0.2, 0.1];

@@ -7,7 +7,7 @@ use whorl_recording::Recording;
 use super::misfit::{Misfit, said};
 use super::still::Still;
 use super::{CalibrationSettings, SensorCalibration};
-use crate::data::Finding;
+use crate::finding::Finding;
 
 /// Widest scale error \[1\] and misalignment \[rad\] that are considered.
 const WIDEST: f64 = 0.1;

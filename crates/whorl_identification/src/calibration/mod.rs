@@ -28,7 +28,7 @@ use whorl_dynamics::platform::SensorSuite;
 use whorl_math::NoiseDensities;
 use whorl_recording::Recording;
 
-use crate::data::Finding;
+use crate::finding::Finding;
 
 pub use gaussianity::{Bin, Gaussianity, chi_squared_test};
 pub use misfit::Misfit;

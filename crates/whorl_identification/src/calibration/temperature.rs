@@ -5,7 +5,7 @@ use whorl_trajectory::line::Line;
 
 use super::SensorCalibration;
 use super::still::Still;
-use crate::data::Finding;
+use crate::finding::Finding;
 
 /// Least change of temperature that a slope is sought for \[K\].
 const LEAST_CHANGE_K: f64 = 2.0;

@@ -4,7 +4,7 @@ use nalgebra::{Const, DMatrix, Dyn, OMatrix};
 use whorl_math::covariance::correct;
 
 use super::joint_model::{Belief, JointModel, STATE, StateMatrix, StateVector};
-use crate::data::AveragedSample;
+use super::sample::AveragedSample;
 
 /// One row for each reading.
 type Jacobian = OMatrix<f64, Dyn, Const<STATE>>;

@@ -4,14 +4,17 @@ use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::joint_model::{Belief, JointModel, Mean, STATE, StateMatrix, StateVector};
+use super::noise::Noise;
+use super::physics::{Carried, Motion};
+use super::sample::AveragedSample;
 use super::{SequentialEstimate, extended, unscented};
-use crate::data::AveragedSample;
-use crate::mass_parameters::{MASS_PARAMETERS, MassVector};
+use crate::mass_parameters::{MASS_PARAMETERS, MassVector, mass_vector, prior_stddev};
 use crate::realisability::smallest_density_moment_kg_m2;
-use crate::trajectory::{Motion, Noise, Unknowns};
 
 /// Longest step that is integrated \[s\]; a longer gap resets the motion.
 const LONGEST_STEP_S: f64 = 0.5;
+/// What is known exactly still gets this as uncertainty, to keep matrices regular.
+const EXACT: f64 = 1e-9;
 
 /// How measurements are taken in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,11 +50,10 @@ impl JointFilter {
         forgetting_per_s: f64,
         q_world_body: UnitQuaternion<f64>,
     ) -> Self {
-        let unknowns = Unknowns::new(model, prior, Vec::new());
-        // Impossible effects are refused where the model is read.
-        let corrected = unknowns.effect_set(&unknowns.mean).adjusted(model).unwrap_or_else(|_| model.clone());
-        let model = &corrected;
-        let stddev = MassVector::from_fn(|i, _| unknowns.stddev[i]);
+        let values = mass_vector(&model.mass_properties);
+        let carried = Carried::new(model);
+        let model = &carried.platform;
+        let stddev = prior_stddev(prior).map(|s| s.max(EXACT));
         let gyro = &model.sensors.gyro.errors;
         let mut variance = StateVector::repeat(0.05_f64.powi(2));
         variance.fixed_rows_mut::<3>(3).fill(0.02_f64.powi(2));
@@ -64,14 +66,13 @@ impl JointFilter {
                 mean: Mean {
                     motion: Motion { q_world_body, omega_wb_b_rad_s: Vector3::zeros() },
                     gyro_bias_rad_s: gyro.bias,
-                    values: unknowns.mean.clone(),
+                    values,
                 },
                 covariance: StateMatrix::from_diagonal(&variance),
             },
             model: JointModel {
                 noise: Noise::new(model),
-                platform: model.clone(),
-                unknowns,
+                carried: carried.clone(),
                 forgetting_per_s: forgetting_per_s.clamp(0.5, 1.0),
                 prior: stddev,
             },

@@ -1,13 +1,13 @@
 //! State, motion, noise and readings of the joint filters.
 
 use nalgebra::{DVector, SMatrix, SVector, Vector3};
-use whorl_dynamics::PlatformModel;
 use whorl_math::{attitude_error, quaternion_exp};
 
 use super::forgetting::forget;
-use crate::data::AveragedSample;
+use super::noise::Noise;
+use super::physics::{Carried, Motion, Physics};
+use super::sample::AveragedSample;
 use crate::mass_parameters::{MASS_PARAMETERS, MassCovariance, MassVector};
-use crate::trajectory::{Motion, Noise, Physics, Unknowns};
 
 /// Attitude error, rate, gyro bias, parameters.
 pub(super) const STATE: usize = 9 + MASS_PARAMETERS;
@@ -22,14 +22,14 @@ const TORQUE_NOISE_N_M_SQRT_S: f64 = 5e-4;
 pub(super) struct Mean {
     pub motion: Motion,
     pub gyro_bias_rad_s: Vector3<f64>,
-    /// Unknowns of the physics; only the nine parameters change.
-    pub values: DVector<f64>,
+    /// The nine parameters.
+    pub values: MassVector,
 }
 
 impl Mean {
     pub fn moved(&self, change: &StateVector) -> Self {
         let part = |at: usize| Vector3::new(change[at], change[at + 1], change[at + 2]);
-        let mut values = self.values.clone();
+        let mut values = self.values;
         for n in 0..MASS_PARAMETERS {
             values[n] += change[9 + n];
         }
@@ -68,8 +68,7 @@ pub(super) struct Belief {
 /// What the filter knows besides the state.
 #[derive(Debug, Clone)]
 pub(super) struct JointModel {
-    pub platform: PlatformModel,
-    pub unknowns: Unknowns,
+    pub carried: Carried,
     pub noise: Noise,
     /// lambda of eq. 4.97, per second.
     pub forgetting_per_s: f64,
@@ -79,7 +78,7 @@ pub(super) struct JointModel {
 
 impl JointModel {
     pub fn carried(&self, mean: &Mean, last: &AveragedSample, point: &AveragedSample) -> Option<Mean> {
-        let physics = Physics::new(&self.unknowns, &mean.values)?;
+        let physics = Physics::new(&self.carried, &mean.values)?;
         Some(Mean { motion: physics.step(&mean.motion, last, point), ..mean.clone() })
     }
 
@@ -97,7 +96,7 @@ impl JointModel {
             }
         }
         grown.fixed_view_mut::<MASS_PARAMETERS, MASS_PARAMETERS>(9, 9).copy_from(&forgotten);
-        let walk = self.platform.sensors.gyro.errors.bias_walk;
+        let walk = self.carried.platform.sensors.gyro.errors.bias_walk;
         for axis in 0..3 {
             let inertia = mean.values[[0, 3, 5][axis]].max(1e-3);
             grown[(axis, axis)] += 1e-12;
@@ -109,7 +108,7 @@ impl JointModel {
 
     /// Ideal readings.
     pub fn readings(&self, mean: &Mean, point: &AveragedSample) -> Option<DVector<f64>> {
-        let physics = Physics::new(&self.unknowns, &mean.values)?;
+        let physics = Physics::new(&self.carried, &mean.values)?;
         let imu = physics.imu(&mean.motion, point);
         let mut z: Vec<f64> = (imu.angular_velocity_b_rad_s + mean.gyro_bias_rad_s).iter().copied().collect();
         if point.specific_force_b_m_s2.is_some() {
@@ -128,7 +127,8 @@ impl JointModel {
         let mut variance: Vec<f64> = (self.noise.gyro / point.gyro_samples).iter().copied().collect();
         if let Some((force, samples)) = &point.specific_force_b_m_s2 {
             z.extend(force);
-            let bias = self.platform.sensors.accelerometer.errors.bias_turn_on_stddev.map(|s| s.powi(2));
+            let bias =
+                self.carried.platform.sensors.accelerometer.errors.bias_turn_on_stddev.map(|s| s.powi(2));
             variance.extend(&(self.noise.accelerometer / *samples + bias));
         }
         for d in &point.directions {

@@ -11,12 +11,16 @@ mod extended;
 mod forgetting;
 mod joint;
 mod joint_model;
+mod noise;
 mod online;
+mod physics;
+mod sample;
 mod unscented;
 
 pub use forgetting::forget;
 pub use joint::{JointFilter, JointUpdate};
 pub use online::OnlineFilter;
+pub use sample::{AveragedSample, CONTACT_LASTS_S, Direction, Surroundings, touches};
 
 use crate::mass_parameters::{MassCovariance, MassVector};
 

@@ -6,8 +6,8 @@ use nalgebra::{Unit, UnitQuaternion, Vector3};
 use whorl_dynamics::platform::TiltLimit;
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
+use super::sample::{AveragedSample, CONTACT_LASTS_S, Direction, Surroundings, touches};
 use super::{JointFilter, JointUpdate, SequentialEstimate};
-use crate::data::{AveragedSample, CONTACT_LASTS_S, Direction, Surroundings, touches};
 
 /// Samples are averaged for this long \[s\].
 const BLOCK_S: f64 = 0.05;
@@ -45,7 +45,7 @@ struct WheelSample {
     rate: Vec<f64>,
 }
 
-/// [`JointFilter`] with the averaging of [`crate::data::prepare`], sample by sample.
+/// [`JointFilter`] on means over twentieths of a second, sample by sample.
 ///
 /// The wheels' momentum is an input of the filter, and noise of an input biases the result. So their speeds are
 /// smoothed around each point, which makes the estimate half a second late.

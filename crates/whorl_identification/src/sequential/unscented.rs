@@ -5,7 +5,7 @@ use nalgebra::{Const, DMatrix, DVector, Dyn, OMatrix};
 use whorl_math::covariance::correct;
 
 use super::joint_model::{Belief, JointModel, Mean, STATE, StateMatrix, StateVector};
-use crate::data::AveragedSample;
+use super::sample::AveragedSample;
 
 /// From one sample to the next; `None` when that cannot be computed.
 pub(super) fn step(

@@ -1,4 +1,4 @@
 mod calibration;
+mod identification;
 mod sequential;
 mod simulation;
-mod trajectory;

@@ -1,7 +1,7 @@
 //! Recordings from the truth plant.
 
-use nalgebra::{Unit, UnitQuaternion};
-use whorl_dynamics::{InitialState, Plant, PlatformModel};
+use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3};
+use whorl_dynamics::{InitialState, MassProperties, Plant, PlatformModel};
 use whorl_math::attitude_from_vertical;
 use whorl_recording::{Recording, Series, VectorChannel};
 
@@ -19,6 +19,17 @@ pub fn swinging(t: f64) -> Vec<f64> {
 pub fn at_balance(model: &PlatformModel) -> UnitQuaternion<f64> {
     let up = Unit::new_normalize(-model.mass_properties.gravity_offset_b_n_m());
     attitude_from_vertical(up, 0.0)
+}
+
+/// A model a tenth off in everything.
+pub fn wrong_model(truth: &PlatformModel) -> PlatformModel {
+    let mass = &truth.mass_properties;
+    let signs = Matrix3::new(1.0, -1.0, 1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0);
+    let inertia = mass.inertia_b_kg_m2().component_mul(&signs.map(|sign| 1.0 + 0.1 * sign));
+    let offset = mass.gravity_offset_b_n_m().component_mul(&Vector3::new(1.1, 0.9, 1.1));
+    let mut model = truth.clone();
+    model.mass_properties = MassProperties::new(inertia, offset, mass.mass_kg()).unwrap();
+    model
 }
 
 fn push<T>(series: &mut Series<T>, time_s: f64, value: T) {

@@ -3,10 +3,10 @@
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
 use whorl_estimation::{AttitudeBiasEstimator, ImuSample, Parameters, VectorParameters, VectorUse};
-use whorl_identification::data::{DataError, prepare};
 use whorl_recording::Recording;
 
 use super::{StateSample, StateSeries};
+use crate::prepared::{DataError, prepare};
 
 /// Time for the filter to settle, left out \[s\].
 const SETTLING_S: f64 = 3.0;
@@ -21,7 +21,7 @@ pub fn estimated_series(
     model: &PlatformModel,
     step_s: f64,
 ) -> Result<StateSeries, DataError> {
-    let prepared = prepare(&[run], model, step_s)?;
+    let chains = prepare(&[run], model, step_s)?;
     let mut filter = AttitudeBiasEstimator::new(parameters(run, model))
         .map_err(|error| DataError::Model(format!("the filter cannot use its sensors: {error}")))?;
     let ns = |t: f64| (t * 1e9).round() as i64;
@@ -29,7 +29,7 @@ pub fn estimated_series(
         samples: Vec::new(),
         wheel_momentum_b_kg_m2: StateSeries::momentum_axes(model.wheels()),
     };
-    let points: Vec<_> = prepared.chains.iter().flat_map(|c| &c.points).collect();
+    let points: Vec<_> = chains.iter().flat_map(|c| &c.points).collect();
     let (gyro, force) = (&run.gyro_b_rad_s, &run.specific_force_b_m_s2);
     let vector = run.vectors.first().map(|v| &v.direction_b);
     let (mut next_point, mut next_vector) = (0, 0);

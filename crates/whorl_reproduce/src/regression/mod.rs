@@ -16,7 +16,7 @@
 //!
 //! Noise of the rate is in the matrix, so the pseudo-inverse is biased towards zero wherever a
 //! parameter is hardly excited: that is Table 4.3's I_zz. [`Weighting::TotalLeastSquares`] corrects for
-//! it. [`whorl_identification::trajectory`] avoids it, and is the method to use.
+//! it. [`whorl_identification::identify`] avoids it, and is the method to use.
 
 mod estimated;
 mod on_run;

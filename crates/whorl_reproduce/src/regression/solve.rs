@@ -2,10 +2,10 @@
 
 use nalgebra::{DMatrix, DVector, SMatrix};
 use thiserror::Error;
-use whorl_identification::DataError;
 use whorl_identification::mass_parameters::{MASS_PARAMETERS, MassCovariance, MassVector};
 
 use super::rows::System;
+use crate::prepared::DataError;
 
 /// How equations are weighed.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -128,3 +128,13 @@ pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Compariso
         overlays,
     })
 }
+
+/// Prediction error of a model over these runs; `None` if none is long enough. 1 = as good as the model says: noise alone. It is the root
+/// of the mean square of all errors of all runs, each over the deviation that the model predicts for it.
+#[must_use]
+pub fn prediction_error<'a>(runs: impl IntoIterator<Item = &'a Comparison>) -> Option<f64> {
+    let all = runs.into_iter().filter_map(|run| run.prediction);
+    let (squares, numbers) =
+        all.fold((0.0, 0), |(squares, numbers), of| (squares + of.squares, numbers + of.numbers));
+    (numbers > 0).then(|| (squares / numbers as f64).sqrt())
+}

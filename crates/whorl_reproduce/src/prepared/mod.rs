@@ -1,17 +1,20 @@
-//! Samples to evenly averaged points.
+//! Recordings made ready for the regressions and the joint filters of section 4.6: evenly averaged, cut at gaps, checked.
 
-use nalgebra::{Unit, Vector3};
-use whorl_dynamics::platform::TiltLimit;
+mod surroundings;
+#[cfg(test)]
+mod tests;
+mod wheels;
+
+use nalgebra::Vector3;
+use thiserror::Error;
 use whorl_dynamics::{Environment, Gyrostat, PlatformModel};
-use whorl_math::statistics::median;
+use whorl_identification::sequential::{AveragedSample, CONTACT_LASTS_S, Direction, Surroundings, touches};
+use whorl_identification::usable_readings;
 use whorl_math::unit_or;
 use whorl_recording::{OnInterval, Recording, Series};
-use whorl_trajectory::noise::second_differences;
 use whorl_trajectory::{Needs, Refusal, check};
 
-use super::checks::{DataError, Finding};
-use super::surroundings::Surroundings;
-use super::wheels::WheelHistory;
+use self::wheels::WheelHistory;
 
 /// Longest silence of the gyro that is bridged \[s\].
 const LONGEST_GAP_S: f64 = 0.25;
@@ -19,52 +22,18 @@ const LONGEST_GAP_S: f64 = 0.25;
 const SHORTEST_STRETCH_S: f64 = 3.0;
 /// Mass properties show on the bearing only, and after ten seconds at the earliest.
 const NEEDS: Needs = Needs { shortest_s: 10.0, free: true, accelerometer: true };
-/// Within this of the bearing's stop counts as touching it \[rad\], and for this long before and after \[s\].
-const CONTACT_MARGIN_RAD: f64 = 0.002;
-pub(crate) const CONTACT_LASTS_S: f64 = 0.3;
 /// A tail of thrust is over after this many of its time constants.
 const TAILS: f64 = 20.0;
-/// Share of a sensor's range from which a sample counts as clipped.
-const CLIPPED: f64 = 0.999;
-/// So often must three readings in a row be the largest of all to show an end of the range, ...
-const PLATEAU_SAMPLES: usize = 5;
-/// ... in a signal whose noise is at least this share of it (a noiseless one may well stay constant).
-const NOISY: f64 = 3e-4;
 
-/// A direction seen by a vector sensor, moved to the time of its point.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Direction {
-    /// Seen in body axes, length one.
-    pub direction_b: Vector3<f64>,
-    /// The same in the world.
-    pub reference_world: Unit<Vector3<f64>>,
-}
-
-/// Means of the samples around one time, and the torques that act until the next point.
-#[derive(Debug, Clone, PartialEq)]
-pub struct AveragedSample {
-    /// Time since the start of the run \[s\].
-    pub time_s: f64,
-    /// Mean of the gyro samples, body axes [rad/s].
-    pub gyro_b_rad_s: Vector3<f64>,
-    /// How many.
-    pub gyro_samples: f64,
-    /// Mean of the accelerometer samples, body axes [m/s^2], and how many.
-    pub specific_force_b_m_s2: Option<(Vector3<f64>, f64)>,
-    /// Vector sensors' samples.
-    pub directions: Vec<Direction>,
-    /// Wheel speeds relative to the body [rad/s].
-    pub wheel_speed_rad_s: Vec<f64>,
-    /// Their rate of change [rad/s^2].
-    pub wheel_acceleration_rad_s2: Vec<f64>,
-    /// Mean thrust of each jet until the next point, as a share of its nominal thrust.
-    pub jet_share: Vec<f64>,
-    /// Mean of other known torques until the next point, body axes [N m].
-    pub body_torque_b_n_m: Vector3<f64>,
-    /// Known moment of the linear mass actuators, added to the gravity offset [N m].
-    pub ballast_moment_b_n_m: Vector3<f64>,
-    /// Gas, voltage, temperature, moving masses.
-    pub surroundings: Surroundings,
+/// Why a recording cannot be prepared.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum DataError {
+    /// The recording cannot be used.
+    #[error(transparent)]
+    Recording(#[from] Refusal),
+    /// The model is not a possible platform, or of another kind than these methods are for.
+    #[error("{0}")]
+    Model(String),
 }
 
 /// An uninterrupted stretch of a run.
@@ -87,101 +56,49 @@ impl Chain {
     }
 }
 
-/// All runs, ready.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct PreparedData {
-    /// Uninterrupted stretches; those of one run follow each other.
-    pub chains: Vec<Chain>,
-    /// What was noticed on the way.
-    pub findings: Vec<Finding>,
-}
-
-/// Averages the samples of each run over about `step_s`, cuts at gaps and leaves clipped samples out.
+/// Uninterrupted stretches of runs, those of one run after each other: samples averaged over about `step_s`, cut at gaps and at the
+/// bearing's stop, without those that say nothing.
 /// Sensor latencies in the model are subtracted from the stamps; thrust is that of its valves and nozzles. Effects of
 /// the model count.
 ///
 /// # Errors
 /// When a run cannot be used at all.
-pub fn prepare(runs: &[&Recording], model: &PlatformModel, step_s: f64) -> Result<PreparedData, DataError> {
-    let gyrostat = Gyrostat::new(model).map_err(|error| DataError::Model(error.to_string()))?;
+pub fn prepare(runs: &[&Recording], model: &PlatformModel, step_s: f64) -> Result<Vec<Chain>, DataError> {
+    let gyrostat = Gyrostat::new(model)
+        .map_err(|error| DataError::Model(format!("the model cannot be simulated: {error}")))?;
     if !model.gyros().is_empty() {
-        let sentence = "mass properties are identified from platforms with wheels and jets; this one has control moment gyros, \
-                        whose gimbals the identification does not read. `whorl diagnose` does, and fits inertia and gravity \
-                        offset beside its effects.";
-        return Err(DataError::Refused(sentence.to_owned()));
+        let sentence = "the dissertation's regressions are for platforms with wheels and jets; this one has control moment gyros, \
+                        whose gimbals they do not read. `whorl identify` by its default method does.";
+        return Err(DataError::Model(sentence.to_owned()));
     }
-    let mut data = PreparedData::default();
+    let mut chains = Vec::new();
     for (index, run) in runs.iter().enumerate() {
-        prepare_run(index, run, &gyrostat, step_s, &mut data)?;
+        check(run, model, &NEEDS)?;
+        let run = usable_readings(run, model, &mut Vec::new());
+        let own = chains_of(index, &run, &gyrostat, step_s);
+        let usable_s: f64 = own.iter().map(Chain::duration_s).sum();
+        if usable_s < NEEDS.shortest_s {
+            let duration_s = own.iter().map(Chain::duration_s).fold(0.0, f64::max);
+            return Err(Refusal::TooShort { run: run.name, duration_s, needed_s: NEEDS.shortest_s }.into());
+        }
+        chains.extend(own);
     }
-    Ok(data)
+    Ok(chains)
 }
 
-fn prepare_run(
-    index: usize,
-    run: &Recording,
-    gyrostat: &Gyrostat,
-    step_s: f64,
-    data: &mut PreparedData,
-) -> Result<(), DataError> {
-    let model = gyrostat.model();
-    check(run, model, &NEEDS)?;
-    let gyro_range = model.sensors.gyro.errors.range;
-    let gyro = Samples::new(&run.gyro_b_rad_s, model.sensors.gyro.errors.lag_s(), gyro_range);
-    let accelerometer = Samples::new(
-        &run.specific_force_b_m_s2,
-        model.sensors.accelerometer.errors.lag_s(),
-        model.sensors.accelerometer.errors.range,
-    );
-    for (samples, what) in [(&gyro, "gyro"), (&accelerometer, "accelerometer")] {
-        if samples.clipped > 0 {
-            data.findings.push(Finding::warning(format!(
-                "{}: {} {what} samples at the end of the sensor's range were left out ({:.2} % of the run): move more gently.",
-                run.name,
-                samples.clipped,
-                100.0 * samples.clipped as f64 / (samples.clipped + samples.kept.len()) as f64
-            )));
-        }
-    }
-    let before = data.chains.len();
-    let mut longest_s: f64 = 0.0;
-    let mut touched_s = 0.0;
+fn chains_of(index: usize, run: &Recording, gyrostat: &Gyrostat, step_s: f64) -> Vec<Chain> {
+    let sensors = &gyrostat.model().sensors;
+    let gyro = Samples::new(&run.gyro_b_rad_s, sensors.gyro.errors.lag_s());
+    let accelerometer = Samples::new(&run.specific_force_b_m_s2, sensors.accelerometer.errors.lag_s());
     let stretches = gyro.stretches(LONGEST_GAP_S);
-    for (first, last) in &stretches {
-        let stretch = gyro.kept.get(*first..*last).unwrap_or_default();
-        let points = points_of(stretch, &accelerometer, run, gyrostat, step_s);
-        let all = points.len();
-        for points in free_of_contact(points, model) {
-            touched_s -= points.len() as f64;
-            let chain = Chain { run: index, points };
-            longest_s = longest_s.max(chain.duration_s());
-            if chain.duration_s() >= SHORTEST_STRETCH_S {
-                data.chains.push(chain);
-            }
-        }
-        touched_s += all as f64;
-    }
-    if stretches.len() > 1 {
-        data.findings.push(Finding::warning(format!(
-            "{}: the gyro fell silent for more than {LONGEST_GAP_S} s {} times; the {} stretches between are used, the motion is not carried over.",
-            run.name,
-            stretches.len() - 1,
-            data.chains.len() - before
-        )));
-    }
-    touched_s *= step_s;
-    if touched_s > 0.0 {
-        data.findings.push(Finding::warning(format!(
-            "{}: {touched_s:.1} s at the stop of the bearing were left out: the platform is not free there. Swing less.",
-            run.name
-        )));
-    }
-    let usable_s: f64 = data.chains.iter().skip(before).map(Chain::duration_s).sum();
-    if usable_s < NEEDS.shortest_s {
-        let run = run.name.clone();
-        return Err(Refusal::TooShort { run, duration_s: longest_s, needed_s: NEEDS.shortest_s }.into());
-    }
-    Ok(())
+    let points = stretches.iter().flat_map(|(first, last)| {
+        let stretch = gyro.0.get(*first..*last).unwrap_or_default();
+        free_of_contact(points_of(stretch, &accelerometer, run, gyrostat, step_s), gyrostat.model())
+    });
+    points
+        .map(|points| Chain { run: index, points })
+        .filter(|chain| chain.duration_s() >= SHORTEST_STRETCH_S)
+        .collect()
 }
 
 /// Stretches away from the bearing's stop, whose contact is not modelled here.
@@ -205,70 +122,34 @@ fn free_of_contact(points: Vec<AveragedSample>, model: &PlatformModel) -> Vec<Ve
     stretches
 }
 
-/// Ends of an axis's range where the readings themselves show one: a noisy signal that stays at its largest or smallest
-/// value exactly, again and again, is clipped, whatever the model says of the range. Infinite where nothing shows.
-fn ends(values: &[Vector3<f64>], axis: usize) -> (f64, f64) {
-    let x: Vec<f64> = values.iter().map(|v| v[axis]).collect();
-    let bends = second_differences(&x).filter(|bend| *bend > 0.0);
-    // NaN, and so no end, where nothing bends.
-    let noise = median(bends);
-    let end = |sign: f64| {
-        let extreme = x.iter().map(|v| sign * v).fold(f64::NEG_INFINITY, f64::max);
-        let stays = x.windows(3).filter(|w| w.iter().all(|v| sign * v == extreme)).count();
-        let noisy = noise > NOISY * extreme.abs() && extreme.abs() > 5.0 * noise;
-        if noisy && stays >= PLATEAU_SAMPLES { extreme } else { f64::INFINITY }
-    };
-    (-end(-1.0), end(1.0))
-}
-
-/// Whether the specific force says that the platform is at its stop, or nearly.
-pub(crate) fn touches(force_b_m_s2: &Vector3<f64>, limit: TiltLimit) -> bool {
-    let force = force_b_m_s2;
-    match limit {
-        TiltLimit::Cone { max_rad } => force.x.hypot(force.y).atan2(force.z) > max_rad - CONTACT_MARGIN_RAD,
-        TiltLimit::Pitch { max_rad } => {
-            force.x.atan2(force.y.hypot(force.z)).abs() > max_rad - CONTACT_MARGIN_RAD
-        }
-    }
-}
-
-/// Samples with their latency subtracted and clipped ones left out.
-struct Samples {
-    kept: Vec<(f64, Vector3<f64>)>,
-    clipped: usize,
-}
+/// Samples with their latency subtracted.
+struct Samples(Vec<(f64, Vector3<f64>)>);
 
 impl Samples {
-    fn new(series: &Series<Vector3<f64>>, latency_s: f64, range: f64) -> Self {
-        let all = series.time_s.iter().zip(&series.value);
-        let ends = [0, 1, 2].map(|axis| ends(&series.value, axis));
-        let inside = |v: &Vector3<f64>| {
-            v.amax() < CLIPPED * range && v.iter().zip(&ends).all(|(x, (low, high))| low < x && x < high)
-        };
-        let kept: Vec<_> = all.filter(|(_, v)| inside(v)).map(|(t, v)| (t - latency_s, *v)).collect();
-        Self { clipped: series.len() - kept.len(), kept }
+    fn new(series: &Series<Vector3<f64>>, latency_s: f64) -> Self {
+        Self(series.time_s.iter().zip(&series.value).map(|(t, v)| (t - latency_s, *v)).collect())
     }
 
     /// Index ranges without a gap.
     fn stretches(&self, longest_gap_s: f64) -> Vec<(usize, usize)> {
         let mut stretches = Vec::new();
         let mut first = 0;
-        let pairs = self.kept.iter().zip(self.kept.iter().skip(1));
+        let pairs = self.0.iter().zip(self.0.iter().skip(1));
         for (i, ((before, _), (after, _))) in pairs.enumerate() {
             if after - before > longest_gap_s {
                 stretches.push((first, i + 1));
                 first = i + 1;
             }
         }
-        stretches.push((first, self.kept.len()));
+        stretches.push((first, self.0.len()));
         stretches
     }
 
     /// Those in [from, to).
     fn between(&self, from_s: f64, to_s: f64) -> &[(f64, Vector3<f64>)] {
-        let first = self.kept.partition_point(|(t, _)| *t < from_s);
-        let last = self.kept.partition_point(|(t, _)| *t < to_s);
-        self.kept.get(first..last).unwrap_or_default()
+        let first = self.0.partition_point(|(t, _)| *t < from_s);
+        let last = self.0.partition_point(|(t, _)| *t < to_s);
+        self.0.get(first..last).unwrap_or_default()
     }
 }
 
@@ -311,7 +192,7 @@ fn points_of(
         let held = |series: &Series<Vector3<f64>>| {
             series.held_at(0.5 * (time_s + until_s)).copied().unwrap_or_else(Vector3::zeros)
         };
-        let surroundings = Surroundings::at(run, gyrostat, *time_s);
+        let surroundings = surroundings::at(run, gyrostat, *time_s);
         points.push(AveragedSample {
             time_s: *time_s,
             gyro_b_rad_s: *rate,

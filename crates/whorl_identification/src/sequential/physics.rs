@@ -8,18 +8,52 @@
 
 use std::sync::Arc;
 
-use nalgebra::{DVector, Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use whorl_dynamics::effects::catalogue;
 use whorl_dynamics::gyrostat::RateEquation;
 use whorl_dynamics::gyrostat::equation::{gravity_torque_n_m, momentum_rate_b_n_m};
 use whorl_dynamics::sensing::specific_force_b_m_s2;
-use whorl_dynamics::{EffectSet, Environment, PlatformModel, TrueImu};
+use whorl_dynamics::{Effect, EffectSet, Environment, ParameterSpec, PlatformModel, TrueImu};
 use whorl_math::{quaternion_exp, quaternion_rate};
 
-use super::unknowns::{Unknowns, adjusted};
-use crate::data::AveragedSample;
+use super::sample::AveragedSample;
 use crate::mass_parameters::{MassVector, gravity_offset_b_n_m, inertia_b_kg_m2};
 
-/// A platform with particular values of the unknowns.
+/// What a filter takes as it is: the platform but for its mass properties, and its effects. Those with states of their own are left
+/// out.
+#[derive(Debug, Clone)]
+pub(crate) struct Carried {
+    /// The platform, its constants corrected by the effects.
+    pub platform: Arc<PlatformModel>,
+    effects: EffectSet,
+    /// What effects add to the file's own mass properties, which are estimated: they stay beside them.
+    added_inertia_b_kg_m2: Matrix3<f64>,
+    added_offset_b_n_m: Vector3<f64>,
+}
+
+impl Carried {
+    pub fn new(given: &PlatformModel) -> Self {
+        let values = |effect: &dyn Effect| {
+            let of_effect = given.effects.get(effect.info().id)?;
+            let value = |spec: &ParameterSpec| of_effect.get(&spec.name).copied().unwrap_or(spec.neutral);
+            Some(effect.parameters(given).iter().map(value).collect::<Vec<f64>>())
+        };
+        let followed = catalogue().iter().copied().filter(|effect| effect.hidden_states(given) == 0);
+        let with_values = followed.filter_map(|effect| Some((effect, values(effect)?)));
+        let effects = EffectSet::with_values(with_values.collect::<Vec<_>>(), given);
+        // Impossible effects are refused where the model is read.
+        let platform = effects.adjusted(given).unwrap_or_else(|_| given.clone());
+        let (own, all) = (&given.mass_properties, &platform.mass_properties);
+        Self {
+            added_inertia_b_kg_m2: all.inertia_b_kg_m2() - own.inertia_b_kg_m2(),
+            added_offset_b_n_m: all.gravity_offset_b_n_m() - own.gravity_offset_b_n_m(),
+            platform: Arc::new(platform),
+            effects,
+        }
+    }
+}
+
+/// A platform with particular mass properties.
 #[derive(Debug, Clone)]
 pub(crate) struct Physics {
     equation: RateEquation,
@@ -42,43 +76,19 @@ pub(crate) struct Motion {
 
 impl Physics {
     /// `None` if no such platform can be.
-    pub fn new(unknowns: &Unknowns, values: &DVector<f64>) -> Option<Self> {
-        let mass = MassVector::from_iterator(values.iter().copied());
-        let (mut inertia, mut offset) = (inertia_b_kg_m2(&mass), gravity_offset_b_n_m(&mass));
-        let (effects, given) = (unknowns.effect_set(values), &unknowns.model);
-        let platform = if given.effects.is_empty() {
-            Arc::clone(given)
-        } else {
-            let corrected = effects.adjusted(given).ok()?;
-            // The unknowns are the model's own constants; effects that correct them stay beside them.
-            let (own, all) = (&given.mass_properties, &corrected.mass_properties);
-            inertia += all.inertia_b_kg_m2() - own.inertia_b_kg_m2();
-            offset += all.gravity_offset_b_n_m() - own.gravity_offset_b_n_m();
-            Arc::new(corrected)
-        };
-        let equation = RateEquation::with_known_wheel_speeds(inertia)?;
-        let wheels = platform.wheels().iter().enumerate().map(|(j, wheel)| {
-            adjusted(&(wheel.spin_axis_b.into_inner() * wheel.spin_inertia_kg_m2), unknowns.wheel(values, j))
-        });
-        let mut jets: Vec<_> = platform.jets().iter().map(|jet| jet.torque_b_n_m()).collect();
-        for (n, j) in unknowns.jets.iter().enumerate() {
-            if let Some(torque) = jets.get_mut(*j) {
-                *torque = adjusted(torque, unknowns.jet(values, n));
-            }
-        }
+    pub fn new(carried: &Carried, mass: &MassVector) -> Option<Self> {
+        let equation =
+            RateEquation::with_known_wheel_speeds(inertia_b_kg_m2(mass) + carried.added_inertia_b_kg_m2)?;
+        let platform = &carried.platform;
+        let wheels = platform.wheels().iter();
         Some(Self {
             equation,
-            gravity_offset_b_n_m: offset,
-            wheels: wheels.collect(),
-            jets,
-            effects,
-            platform,
+            gravity_offset_b_n_m: gravity_offset_b_n_m(mass) + carried.added_offset_b_n_m,
+            wheels: wheels.map(|wheel| wheel.spin_axis_b.into_inner() * wheel.spin_inertia_kg_m2).collect(),
+            jets: platform.jets().iter().map(|jet| jet.torque_b_n_m()).collect(),
+            effects: carried.effects.clone(),
+            platform: Arc::clone(platform),
         })
-    }
-
-    /// Rate per momentum [1/(kg m^2)].
-    pub fn inverse_inertia(&self) -> &Matrix3<f64> {
-        self.equation.rate_by_momentum()
     }
 
     fn wheel_momentum(&self, values: &[f64]) -> Vector3<f64> {
@@ -185,10 +195,11 @@ impl Physics {
 
 #[cfg(test)]
 mod tests {
-    use whorl_dynamics::{InitialState, ModelPrior, Plant};
+    use whorl_dynamics::{InitialState, Plant};
 
     use super::*;
-    use crate::data::Surroundings;
+    use crate::mass_parameters::mass_vector;
+    use crate::sequential::sample::Surroundings;
 
     /// The truth plant integrates motor torques and friction at 1 kHz; here the wheels' speeds alone are
     /// given, at 20 Hz. Both must arrive at the same motion.
@@ -201,8 +212,8 @@ mod tests {
             ..InitialState::default()
         };
         let mut plant = Plant::new(&model, &initial, 1).unwrap();
-        let unknowns = Unknowns::new(&model, &ModelPrior::typical(&model), Vec::new());
-        let physics = Physics::new(&unknowns, &unknowns.mean).unwrap();
+        let carried = Carried::new(&model);
+        let physics = Physics::new(&carried, &mass_vector(&model.mass_properties)).unwrap();
         let point = |plant: &Plant| AveragedSample {
             time_s: plant.time_s(),
             gyro_b_rad_s: Vector3::zeros(),

@@ -1,23 +1,22 @@
-//! Findings about a recording, in sentences.
+//! What a user must know about data or results, and why a recording cannot be used, in sentences.
 
 use thiserror::Error;
+use whorl_prediction::PredictionError;
 use whorl_trajectory::Refusal;
+use whorl_validation::ValidationError;
 
-/// Why a recording cannot be used at all.
+/// Why recordings cannot be used at all.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum DataError {
-    /// The recording cannot be used.
+    /// A recording cannot be used.
     #[error(transparent)]
     Recording(#[from] Refusal),
-    /// The model is not a possible platform.
-    #[error("the model cannot be simulated: {0}")]
-    Model(String),
-    /// The data contradict the model in a known way.
-    #[error("{0}")]
-    Refused(String),
-    /// The fit did not succeed.
-    #[error("the fit did not converge: {0}")]
-    NotConverged(String),
+    /// A recording cannot be predicted with the model.
+    #[error(transparent)]
+    Prediction(#[from] PredictionError),
+    /// A recording cannot be compared with the model.
+    #[error(transparent)]
+    Comparison(#[from] ValidationError),
 }
 
 /// Something a user must know about the data or the result: one plain sentence.

@@ -1,0 +1,147 @@
+//! The bearing's stop: what is read there is left out, and a run is cut into the pieces between.
+//!
+//! When and how hard a platform touches depends on the stop to fractions of a millimetre. A model that takes its stop for exact would
+//! learn of the tilt from every touch what no sensor says, and the likelihood jumps by tens of nats where a touch comes or goes
+//! with a parameter.
+
+use nalgebra::Vector3;
+use whorl_dynamics::PlatformModel;
+use whorl_dynamics::platform::TiltLimit;
+use whorl_recording::{Recording, Series};
+
+use crate::finding::Finding;
+use crate::sequential::{CONTACT_LASTS_S, touches};
+
+/// Specific forces are averaged over so long before they are judged \[s\]: motion is slow against it, and noise is not.
+const AVERAGED_S: f64 = 0.1;
+/// Pieces that are shorter tell of their own start and of little else \[s\].
+const SHORTEST_S: f64 = 3.0;
+
+/// The model of a platform that is away from its stop: where a start that is not known exactly reaches the stop, a touch would come and go
+/// with the parameters though there was none.
+pub(super) fn away_from_stop(model: &PlatformModel) -> PlatformModel {
+    let tilt_limit = match model.tilt_limit {
+        TiltLimit::Cone { .. } => TiltLimit::NONE,
+        // No elevation is larger.
+        TiltLimit::Pitch { .. } => TiltLimit::Pitch { max_rad: std::f64::consts::FRAC_PI_2 },
+    };
+    PlatformModel { tilt_limit, ..model.clone() }
+}
+
+/// The pieces of a run between touches, and what was left out; the run itself where nothing touches.
+pub(super) fn between_touches(
+    run: Recording,
+    model: &PlatformModel,
+    findings: &mut Vec<Finding>,
+) -> Vec<Recording> {
+    let touching = touching_s(&run.specific_force_b_m_s2, model);
+    let times = &run.gyro_b_rad_s.time_s;
+    let (Some(first), Some(last), false) = (times.first(), times.last(), touching.is_empty()) else {
+        return vec![run];
+    };
+    let mut pieces = Vec::new();
+    let mut from_s = *first;
+    for (begins_s, ends_s) in touching.iter().copied().chain([(*last, *last)]) {
+        if begins_s - from_s >= SHORTEST_S {
+            pieces.push(piece(&run, from_s, begins_s));
+        }
+        from_s = ends_s.max(from_s);
+    }
+    let used_s: f64 = pieces.iter().map(Recording::duration_s).sum();
+    findings.push(Finding::warning(format!(
+        "{}: {:.1} s at the stop of the bearing, and moments too short between touches, were left out: swing less.",
+        run.name,
+        (last - first - used_s).max(0.0)
+    )));
+    pieces
+}
+
+/// Times at which the specific force says that the platform touches, from and to, margins included \[s\].
+fn touching_s(force: &Series<Vector3<f64>>, model: &PlatformModel) -> Vec<(f64, f64)> {
+    let mut found: Vec<(f64, f64)> = Vec::new();
+    if !model.tilt_limit.stops() {
+        return found;
+    }
+    let samples: Vec<(f64, Vector3<f64>)> =
+        force.time_s.iter().copied().zip(force.value.iter().copied()).collect();
+    let window = |t: f64| (t / AVERAGED_S).floor();
+    for block in samples.chunk_by(|a, b| window(a.0) == window(b.0)) {
+        let mean = block.iter().map(|(_, force)| force).sum::<Vector3<f64>>() / block.len() as f64;
+        let (Some((from, _)), Some((to, _))) = (block.first(), block.last()) else { continue };
+        if !touches(&mean, model.tilt_limit) {
+            continue;
+        }
+        let (from_s, to_s) = (from - CONTACT_LASTS_S, to + CONTACT_LASTS_S);
+        match found.last_mut() {
+            Some(last) if from_s <= last.1 => last.1 = to_s,
+            _ => found.push((from_s, to_s)),
+        }
+    }
+    found
+}
+
+/// What was measured of a run from one time to another, with everything that was commanded; of wheels the command that holds at the
+/// start, so that nothing has to be known of the motion before.
+fn piece(run: &Recording, from_s: f64, to_s: f64) -> Recording {
+    let mut piece = run.clone();
+    piece.name = format!("{}, {from_s:.1} s to {to_s:.1} s", run.name);
+    keep(&mut piece.gyro_b_rad_s, from_s, to_s);
+    keep(&mut piece.specific_force_b_m_s2, from_s, to_s);
+    keep(&mut piece.wheel_speed_rad_s, from_s, to_s);
+    for vector in &mut piece.vectors {
+        keep(&mut vector.direction_b, from_s, to_s);
+    }
+    let commands = &mut piece.wheel_torque_command_n_m;
+    let before = commands.time_s.partition_point(|t| *t <= from_s).saturating_sub(1);
+    commands.time_s.drain(..before);
+    commands.value.drain(..before);
+    piece
+}
+
+fn keep<T>(series: &mut Series<T>, from_s: f64, to_s: f64) {
+    let at = |t: f64| series.time_s.partition_point(|x| *x < t);
+    let (from, to) = (at(from_s), at(to_s));
+    series.time_s.truncate(to);
+    series.value.truncate(to);
+    series.time_s.drain(..from.min(to));
+    series.value.drain(..from.min(to));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Hanging still but for a touch from 40 s to 41 s.
+    #[test]
+    fn a_touch_is_left_out_with_its_margins() {
+        let model = PlatformModel::whorl_1_reference();
+        let mut run = Recording { name: "run".to_owned(), ..Recording::default() };
+        for k in 0..10_000 {
+            let t = f64::from(k) * 0.01;
+            let tilt_rad: f64 = if (40.0..41.0).contains(&t) { 0.0875 } else { 0.02 };
+            run.gyro_b_rad_s.time_s.push(t);
+            run.gyro_b_rad_s.value.push(Vector3::zeros());
+            run.specific_force_b_m_s2.time_s.push(t);
+            run.specific_force_b_m_s2.value.push(Vector3::new(tilt_rad.sin(), 0.0, tilt_rad.cos()) * 9.81);
+            run.wheel_torque_command_n_m.time_s.push(t);
+            run.wheel_torque_command_n_m.value.push(vec![t, 0.0, 0.0]);
+        }
+        let mut findings = Vec::new();
+        let pieces = between_touches(run.clone(), &model, &mut findings);
+        let ends = |run: &Recording| {
+            let times = &run.gyro_b_rad_s.time_s;
+            (times[0], times[times.len() - 1])
+        };
+        let ends: Vec<(f64, f64)> = pieces.iter().map(ends).collect();
+        assert_eq!(ends.len(), 2, "{ends:?}");
+        assert!((ends[0].1 - 39.7).abs() < 0.02 && (ends[1].0 - 41.3).abs() < 0.02, "{ends:?}");
+        assert!(findings[0].text.contains("1.6 s at the stop"), "{findings:?}");
+        // The command that holds when the second piece begins is its first.
+        let held = pieces[1].wheel_torque_command_n_m.value[0][0];
+        assert!((held - 41.3).abs() < 0.02, "{held}");
+        // A rig without a stop is not cut.
+        let mut free = model.clone();
+        free.tilt_limit = whorl_dynamics::platform::TiltLimit::NONE;
+        assert_eq!(between_touches(run.clone(), &free, &mut findings), [run]);
+    }
+}

@@ -1,0 +1,162 @@
+//! Readings that say nothing, left out before a fit: those at the end of a sensor's range, and single ones that stand out.
+
+use nalgebra::Vector3;
+use whorl_dynamics::PlatformModel;
+use whorl_math::statistics::median;
+use whorl_recording::{Recording, Series};
+use whorl_trajectory::noise::second_differences;
+
+use crate::finding::Finding;
+
+/// Share of a sensor's range from which a sample counts as clipped.
+const CLIPPED: f64 = 0.999;
+/// So often must three readings in a row be the largest of all to show an end of the range, ...
+const PLATEAU_SAMPLES: usize = 5;
+/// ... in a signal whose noise is at least this share of it (a noiseless one may well stay constant).
+const NOISY: f64 = 3e-4;
+/// A reading stands out when both neighbours are further away than this many median second differences, some 16 standard
+/// deviations of white noise: none of a billion does, ...
+const STANDS_OUT: f64 = 10.0;
+/// ... and the neighbours are closer to each other than this share of it.
+const NEIGHBOURS_AGREE: f64 = 0.5;
+/// What stands out more often than this is no accident of single readings.
+const LARGEST_SHARE: f64 = 0.01;
+
+/// A recording without readings of gyro and accelerometer that say nothing of the motion, and what was left out.
+#[must_use]
+pub fn usable_readings(run: &Recording, model: &PlatformModel, findings: &mut Vec<Finding>) -> Recording {
+    let mut usable = run.clone();
+    let sensors = &model.sensors;
+    let of = [
+        ("gyro", &mut usable.gyro_b_rad_s, sensors.gyro.errors.range),
+        ("accelerometer", &mut usable.specific_force_b_m_s2, sensors.accelerometer.errors.range),
+    ];
+    for (what, series, range) in of {
+        let all = series.len();
+        let percent = |some: usize| 100.0 * some as f64 / all.max(1) as f64;
+        let clipped = keep(series, &within(&series.value, range));
+        if clipped > 0 {
+            findings.push(Finding::warning(format!(
+                "{}: {clipped} {what} samples at the end of the sensor's range were left out ({:.2} % of the run): move more gently.",
+                run.name,
+                percent(clipped)
+            )));
+        }
+        let spikes = keep(series, &ordinary(&series.value));
+        if spikes > 0 {
+            findings.push(Finding::warning(format!(
+                "{}: {spikes} single {what} samples far from those before and after were left out ({:.2} % of the run): look for a loose connection or lost bits.",
+                run.name,
+                percent(spikes)
+            )));
+        }
+    }
+    usable
+}
+
+/// Keeps these samples; how many were not kept.
+fn keep(series: &mut Series<Vector3<f64>>, kept: &[bool]) -> usize {
+    let (mut of_times, mut of_values) = (kept.iter(), kept.iter());
+    let before = series.len();
+    series.time_s.retain(|_| of_times.next().copied().unwrap_or(true));
+    series.value.retain(|_| of_values.next().copied().unwrap_or(true));
+    before - series.len()
+}
+
+/// Which readings are within the sensor's range, that of the model and that which the readings show.
+fn within(values: &[Vector3<f64>], range: f64) -> Vec<bool> {
+    let ends = [0, 1, 2].map(|axis| ends(values, axis));
+    let inside = |v: &Vector3<f64>| {
+        let between = |(x, (low, high)): (&f64, &(f64, f64))| low < x && x < high;
+        v.amax() < CLIPPED * range && v.iter().zip(&ends).all(between)
+    };
+    values.iter().map(inside).collect()
+}
+
+/// Ends of an axis's range where the readings themselves show one: a noisy signal that stays at its largest or smallest
+/// value exactly, again and again, is clipped, whatever the model says of the range. Infinite where nothing shows.
+fn ends(values: &[Vector3<f64>], axis: usize) -> (f64, f64) {
+    let x: Vec<f64> = values.iter().map(|v| v[axis]).collect();
+    let noise = typical_bend(&x);
+    let end = |sign: f64| {
+        let extreme = x.iter().map(|v| sign * v).fold(f64::NEG_INFINITY, f64::max);
+        let stays = x.windows(3).filter(|w| w.iter().all(|v| sign * v == extreme)).count();
+        let noisy = noise > NOISY * extreme.abs() && extreme.abs() > 5.0 * noise;
+        if noisy && stays >= PLATEAU_SAMPLES { extreme } else { f64::INFINITY }
+    };
+    (-end(-1.0), end(1.0))
+}
+
+/// Which readings do not stand out from both neighbours; all where many do.
+fn ordinary(values: &[Vector3<f64>]) -> Vec<bool> {
+    let mut ordinary = vec![true; values.len()];
+    for axis in 0..3 {
+        let x: Vec<f64> = values.iter().map(|v| v[axis]).collect();
+        let most = STANDS_OUT * typical_bend(&x);
+        // Not where nothing bends: then it is NaN.
+        let stands_out = |w: &[f64]| {
+            let [before, at, after] = w else { return false };
+            let (up, down) = (at - before, at - after);
+            let least = up.abs().min(down.abs());
+            up * down > 0.0 && least > most && (after - before).abs() < NEIGHBOURS_AGREE * least
+        };
+        for (k, _) in x.windows(3).enumerate().filter(|(_, w)| stands_out(w)) {
+            if let Some(slot) = ordinary.get_mut(k + 1) {
+                *slot = false;
+            }
+        }
+    }
+    let out = ordinary.iter().filter(|ordinary| !**ordinary).count();
+    if out as f64 > LARGEST_SHARE * values.len() as f64 { vec![true; values.len()] } else { ordinary }
+}
+
+/// Median of the second differences that are not zero; NaN where there are none.
+fn typical_bend(values: &[f64]) -> f64 {
+    median(second_differences(values).filter(|bend| *bend > 0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noisy(n: usize) -> Vec<Vector3<f64>> {
+        // A linear congruential generator serves: only scatter is wanted.
+        let mut state = 1_u64;
+        let mut draw = move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+        };
+        (0..n)
+            .map(|k| Vector3::new((0.02 * k as f64).sin() + 0.01 * draw(), 0.01 * draw(), 0.01 * draw()))
+            .collect()
+    }
+
+    #[test]
+    fn single_readings_that_stand_out_are_found_and_steps_and_bursts_are_not() {
+        let mut values = noisy(2000);
+        assert!(ordinary(&values).iter().all(|x| *x));
+        values[700].y += 0.3;
+        values[900].x -= 0.5;
+        // A step, and a pulse of several samples, are motion.
+        values.iter_mut().skip(1200).for_each(|v| v.z += 0.4);
+        values.iter_mut().skip(1500).take(4).for_each(|v| v.y += 0.4);
+        let found = ordinary(&values);
+        let out: Vec<usize> = (0..found.len()).filter(|k| !found[*k]).collect();
+        assert_eq!(out, [700, 900]);
+        // One in fifty is how this sensor is.
+        values.iter_mut().step_by(50).for_each(|v| v.y += 0.3);
+        assert!(ordinary(&values).iter().all(|x| *x));
+    }
+
+    #[test]
+    fn ends_of_a_range_show_by_themselves() {
+        let mut values = noisy(2000);
+        for v in &mut values {
+            v.x = v.x.clamp(-0.8, 0.9);
+        }
+        assert_eq!(ends(&values, 0), (-0.8, 0.9));
+        assert_eq!(ends(&values, 1), (f64::NEG_INFINITY, f64::INFINITY));
+        let kept = within(&values, f64::INFINITY);
+        assert!(kept.iter().zip(&values).all(|(kept, v)| *kept == (v.x > -0.8 && v.x < 0.9)));
+    }
+}
