@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::search::{Search, Standing};
+use super::problem::{Problem, Standing};
 use crate::error::PredictionError;
 use crate::noise::Noise;
 use crate::passes::Passes;
@@ -33,7 +33,7 @@ pub(super) enum End {
     Steps,
 }
 
-impl Search<'_> {
+impl Problem<'_> {
     /// The likeliest values with these levels: roughly while levels are those of another model.
     pub fn climbed(&self, begun: &Standing, roughly: bool, least: f64) -> Result<Climbed, PredictionError> {
         let (settings, parameters) = (self.settings, self.parameters);

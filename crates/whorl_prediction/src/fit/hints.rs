@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use whorl_recording::Recording;
 
 use super::ModelAt;
-use super::search::{Search, runs_of};
+use super::problem::{Problem, runs_of};
 use crate::error::PredictionError;
 use crate::laws::Law;
 use crate::levels::Followed;
@@ -34,8 +34,8 @@ pub fn hints(
     laws: &[Vec<Box<Law<'_>>>],
     settings: &Settings,
 ) -> Result<Hints, PredictionError> {
-    let search = Search { recordings, parameters, model_at, settings };
-    let found = search.passes_with(at, &runs_of(followed), &search.varied(at)?, laws)?;
+    let problem = Problem { recordings, parameters, model_at, settings };
+    let found = problem.passes_with(at, &runs_of(followed), &problem.varied(at)?, laws)?;
     let size = parameters.len() + laws.first().map_or(0, Vec::len);
     let mut hints = Hints { information: DMatrix::zeros(size, size), slope: DVector::zeros(size) };
     for pass in &found.0 {

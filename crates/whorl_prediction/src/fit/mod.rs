@@ -5,6 +5,7 @@
 
 mod climb;
 mod hints;
+mod problem;
 mod search;
 
 use nalgebra::{DMatrix, DVector};
@@ -17,7 +18,7 @@ use crate::parameter::Parameter;
 use crate::settings::Settings;
 
 pub use hints::{Hints, hints};
-use search::Search;
+use problem::Problem;
 
 /// Models by their parameters; `None` where no platform has such values.
 pub type ModelAt<'a> = dyn Fn(&[f64]) -> Option<PlatformModel> + Sync + 'a;
@@ -72,27 +73,27 @@ pub fn fit_beside(
     settings: &Settings,
 ) -> Result<Fitted, PredictionError> {
     let settings = &Settings { derivatives_held: settings.fit_derivatives_held, ..*settings };
-    let search = Search { recordings, parameters, model_at, settings };
+    let problem = Problem { recordings, parameters, model_at, settings };
     let begun = match rival.followed {
-        [] => search.begun(starts)?,
-        followed => search.begun_beside(starts, followed)?,
+        [] => problem.begun(starts)?,
+        followed => problem.begun_beside(starts, followed)?,
     };
     let before = begun.log_posterior;
-    let mut best = search.settled(begun, rival.log_posterior_needed)?;
+    let mut best = problem.settled(begun, rival.log_posterior_needed)?;
     // Beside disturbances parameters hardly matter, and both shrink slowly: the model alone may explain everything by now.
-    let alone = search.alone(&best.standing).filter(|_| !best.is_hopeless);
+    let alone = problem.alone(&best.standing).filter(|_| !best.is_hopeless);
     if let Some(alone) = alone {
-        let alone = search.settled(alone, best.standing.log_posterior)?;
+        let alone = problem.settled(alone, best.standing.log_posterior)?;
         if alone.standing.log_posterior > best.standing.log_posterior {
             best = alone;
         }
     }
     let information = match best.information {
         Some(found) => found,
-        None => search.passes(&best.standing.at, &best.standing.runs())?.information(parameters),
+        None => problem.passes(&best.standing.at, &best.standing.runs())?.information(parameters),
     };
-    let held = search.held(&best.standing.at, &DVector::zeros(parameters.len()));
-    Ok(search.fitted(best.standing, before, &information, &held, best.stands))
+    let held = problem.held(&best.standing.at, &DVector::zeros(parameters.len()));
+    Ok(problem.fitted(best.standing, before, &information, &held, best.stands))
 }
 
 /// A model that was fitted to the same recordings.

@@ -1,0 +1,126 @@
+//! What is fitted: recordings, parameters, and passes over the recordings at any of their values.
+
+use rayon::prelude::*;
+use whorl_dynamics::PlatformModel;
+use whorl_recording::Recording;
+
+use super::ModelAt;
+use crate::error::PredictionError;
+use crate::laws::Law;
+use crate::levels::{Followed, follow, follow_again};
+use crate::noise::Noise;
+use crate::other::Varied;
+use crate::parameter::Parameter;
+use crate::passes::{Passes, pass};
+use crate::prepared::Prepared;
+use crate::settings::Settings;
+use crate::start::Start;
+
+/// A place: values, and the recordings with the model there.
+#[derive(Debug, Clone)]
+pub(super) struct Standing {
+    pub at: Vec<f64>,
+    pub log_posterior: f64,
+    pub followed: Vec<Followed>,
+}
+
+impl Standing {
+    pub fn runs(&self) -> Vec<(Noise, Start)> {
+        runs_of(&self.followed)
+    }
+}
+
+/// With what filters run through recordings that were followed.
+pub(super) fn runs_of(followed: &[Followed]) -> Vec<(Noise, Start)> {
+    followed.iter().map(|run| (run.noise.clone(), run.fitted.start.clone())).collect()
+}
+
+/// Recordings, and models with parameters.
+pub(super) struct Problem<'a> {
+    pub recordings: &'a [Recording],
+    pub parameters: &'a [Parameter],
+    pub model_at: &'a ModelAt<'a>,
+    pub settings: &'a Settings,
+}
+
+impl Problem<'_> {
+    fn model(&self, at: &[f64]) -> Result<PlatformModel, PredictionError> {
+        (self.model_at)(at).ok_or(PredictionError::NoModel)
+    }
+
+    pub fn log_prior(&self, at: &[f64]) -> f64 {
+        self.parameters.iter().zip(at).map(|(p, x)| -0.5 * (x / p.stddev).powi(2)).sum()
+    }
+
+    pub fn log_posterior(&self, at: &[f64], followed: &[Followed]) -> f64 {
+        followed.iter().map(Followed::log_likelihood).sum::<f64>() + self.log_prior(at)
+    }
+
+    /// Each recording with the levels and the start that it shows with the model there.
+    pub fn followed(
+        &self,
+        at: &[f64],
+        before: Option<&[Followed]>,
+    ) -> Result<Vec<Followed>, PredictionError> {
+        let model = self.model(at)?;
+        let runs: Vec<usize> = (0..self.recordings.len()).collect();
+        each(&runs, self.settings.threads, |run| {
+            let case = Prepared::new(&self.recordings[*run], &model, *self.settings)?;
+            let stated = Noise::stated(&case)?;
+            let before = before.and_then(|before| before.get(*run));
+            Ok(before.map_or_else(|| follow(&case, &stated), |before| follow_again(&case, &stated, before)))
+        })
+        .into_iter()
+        .collect()
+    }
+
+    /// Passes over all recordings.
+    pub fn passes(&self, at: &[f64], runs: &[(Noise, Start)]) -> Result<Passes, PredictionError> {
+        self.passes_with(at, runs, &self.varied(at)?, &[])
+    }
+
+    /// The same without what they say of parameters.
+    pub fn passes_alone(&self, at: &[f64], runs: &[(Noise, Start)]) -> Result<Passes, PredictionError> {
+        self.passes_with(at, runs, &[], &[])
+    }
+
+    pub fn passes_with(
+        &self,
+        at: &[f64],
+        runs: &[(Noise, Start)],
+        varied: &[Varied],
+        laws: &[Vec<Box<Law<'_>>>],
+    ) -> Result<Passes, PredictionError> {
+        let model = self.model(at)?;
+        let numbers: Vec<usize> = (0..self.recordings.len().min(runs.len())).collect();
+        let found = each(&numbers, self.settings.threads, |run| {
+            let case = Prepared::new(&self.recordings[*run], &model, *self.settings)?;
+            let (noise, start) = &runs[*run];
+            pass(&case, noise, start, varied, laws.get(*run).map_or(&[], Vec::as_slice))
+        });
+        Ok(Passes(found.into_iter().collect::<Result<_, _>>()?))
+    }
+
+    /// Models a little further along each parameter, on the side where there is one.
+    pub fn varied(&self, at: &[f64]) -> Result<Vec<Varied>, PredictionError> {
+        let step = |(i, parameter): (usize, &Parameter)| {
+            let size = self.settings.fit_difference * parameter.stddev.min(1.0);
+            [size, -size].into_iter().find_map(|step| {
+                let mut moved = at.to_vec();
+                moved[i] += step;
+                let inside = (parameter.range.0..=parameter.range.1).contains(&moved[i]);
+                inside.then(|| (self.model_at)(&moved)).flatten().map(|model| Varied { model, step })
+            })
+        };
+        let all: Option<Vec<Varied>> = self.parameters.iter().enumerate().map(step).collect();
+        all.ok_or(PredictionError::NoModel)
+    }
+}
+
+/// The same for each, in order; on one thread, or on all.
+fn each<T: Sync, R: Send>(items: &[T], threads: usize, of: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    if threads.min(items.len()) < 2 {
+        return items.iter().map(of).collect();
+    }
+    items.par_iter().map(&of).collect()
+}
