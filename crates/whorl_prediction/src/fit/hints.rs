@@ -24,7 +24,7 @@ pub struct Hints {
 /// Looks for laws beside a model with these values; `laws` of each recording, which are as many.
 ///
 /// # Errors
-/// As [`fit`].
+/// As [`super::fit`].
 pub fn hints(
     recordings: &[Recording],
     parameters: &[Parameter],
