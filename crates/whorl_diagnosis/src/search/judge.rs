@@ -118,12 +118,7 @@ impl Search<'_> {
         if let Some(log_evidence) = gain {
             set.standing.log_evidence = log_evidence;
         }
-        let refit = Refit {
-            reference: &self.problem.reference,
-            columns: found.fit.columns.clone(),
-            stddevs: found.fit.stddevs.clone(),
-        };
-        set.point = refit.point(&found.fit.fitted.at);
+        set.point = found.fit.refit(&self.problem.reference).point(&found.fit.fitted.at);
         set.judged = Some(found);
         self.fitted.insert(set.names.clone(), set);
     }

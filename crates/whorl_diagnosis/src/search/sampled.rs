@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use whorl_dynamics::Effect;
 use whorl_dynamics::effects::Role;
-use whorl_prediction::{Settings, hints};
+use whorl_prediction::Settings;
 use whorl_recording::Recording;
 
 use crate::DiagnosisError;
@@ -50,11 +50,7 @@ impl Search<'_> {
         fit: &JudgedFit,
         training: &[Recording],
     ) -> Result<Vec<Asked>, DiagnosisError> {
-        let mut refit = Refit {
-            reference: &self.problem.reference,
-            columns: fit.columns.clone(),
-            stddevs: fit.stddevs.clone(),
-        };
+        let mut refit = fit.refit(&self.problem.reference);
         let mut at = fit.fitted.at.clone();
         let own: Vec<usize> = (0..at.len()).collect();
         let mut offered = Vec::new();
@@ -65,17 +61,8 @@ impl Search<'_> {
             let columns = self.offer(&mut refit, &mut at, candidate.effect);
             offered.push(Offered { id: candidate.id, columns });
         }
-        let settings = Settings { threads: self.options.threads, ..Settings::default() };
-        let parameters = refit.parameters();
-        let (followed, model_at) = (&fit.fitted.followed, |units: &[f64]| refit.model_at(units));
-        let found = hints(training, &parameters, &model_at, &at, followed, &[], &settings)?;
-        let mut normal = Normal::zeros(at.len());
-        normal.matrix = found.information;
-        normal.vector = found.slope;
-        for i in &own {
-            normal.vector[*i] -= at[*i] / parameters[*i].stddev.powi(2);
-        }
-        let known = |i: usize| parameters[i].stddev.powi(2);
+        let normal = fit.normal(&refit, &[], training, self.options.threads)?;
+        let known = |i: usize| refit.stddevs[i].powi(2);
         let Some(without) = Estimate::new(&normal, &own, known) else { return Ok(Vec::new()) };
         let mut asked: Vec<Asked> = offered
             .iter()

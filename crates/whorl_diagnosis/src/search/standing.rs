@@ -3,13 +3,18 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use whorl_prediction::{Fitted as FittedToSamples, Law, Settings, hints};
+use whorl_recording::Recording;
+
 use crate::DiagnosisError;
 use crate::evidence::colour::{Colours, alike};
 use crate::evidence::nuisance::Nuisance;
+use crate::evidence::regression::Normal;
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, Member};
 use crate::layout::motion::Motion;
-use crate::parameters::{Column, Point};
+use crate::parameters::{Column, Point, Reference};
+use crate::refit::Refit;
 use crate::search::Search;
 use crate::search::prior::{is_no_echo, log_prior, smaller_sets};
 use crate::search::step::NO_FIT;
@@ -117,13 +122,42 @@ pub(crate) struct Judged {
 /// A set fitted to the samples.
 #[derive(Debug, Clone)]
 pub(crate) struct JudgedFit {
-    pub fitted: whorl_prediction::Fitted,
+    pub fitted: FittedToSamples,
     /// What was fitted, and the standard deviation known before, in their units.
     pub columns: Vec<Column>,
     pub stddevs: Vec<f64>,
 }
 
 impl JudgedFit {
+    /// What was fitted, to add more to it or to find its models.
+    pub fn refit<'a>(&self, reference: &'a Reference) -> Refit<'a> {
+        Refit { reference, columns: self.columns.clone(), stddevs: self.stddevs.clone() }
+    }
+
+    /// What the samples say of the parameters of a refit that begins with the fitted ones, and of laws of each run, as normal
+    /// equations about the place of the fit; parameters behind the fitted ones stand at none.
+    pub fn normal(
+        &self,
+        refit: &Refit<'_>,
+        laws: &[Vec<Box<Law<'_>>>],
+        training: &[Recording],
+        threads: usize,
+    ) -> Result<Normal, DiagnosisError> {
+        let mut at = self.fitted.at.clone();
+        at.resize(refit.columns.len(), 0.0);
+        let parameters = refit.parameters();
+        let model_at = |units: &[f64]| refit.model_at(units);
+        let settings = Settings { threads, ..Settings::default() };
+        let found = hints(training, &parameters, &model_at, &at, &self.fitted.followed, laws, &settings)?;
+        let mut normal = Normal::zeros(found.slope.len());
+        (normal.matrix, normal.vector) = (found.information, found.slope);
+        // Counted from where the parameters are, with the pull of what was known before.
+        for (i, (units, parameter)) in at.iter().zip(&parameters).enumerate() {
+            normal.vector[i] -= units / parameter.stddev.powi(2);
+        }
+        Ok(normal)
+    }
+
     /// Standard deviation of the slow random torque beside it, root mean square of all axes and runs [N m].
     pub fn torque_n_m(&self) -> f64 {
         let runs = &self.fitted.followed;

@@ -4,14 +4,12 @@
 //! beside the parameters of the set ([`whorl_prediction::hints`]), with the slow random torque and the noise that the samples show:
 //! what a law gains there is all that it may claim.
 
-use nalgebra::DVector;
-use whorl_prediction::{Law, Parameter, Settings, hints};
+use whorl_prediction::Law;
 use whorl_recording::Recording;
 
 use crate::DiagnosisError;
-use crate::evidence::regression::{Estimate, Normal};
+use crate::evidence::regression::Estimate;
 use crate::explanations::shapes::{At, columns_of, laws, push, shapes};
-use crate::refit::Refit;
 use crate::search::Search;
 use crate::search::nameless::{Nameless, beside};
 use crate::search::standing::{Converged, JudgedFit};
@@ -63,28 +61,10 @@ impl Search<'_> {
             columns.iter().map(law).collect()
         };
         let of_runs: Vec<_> = problem.runs.iter().zip(at.motions.iter()).map(of_run).collect();
-        let refit = Refit {
-            reference: &problem.reference,
-            columns: fit.columns.clone(),
-            stddevs: fit.stddevs.clone(),
-        };
-        let parameters: Vec<Parameter> = refit.parameters();
-        let settings = Settings { threads: self.options.threads, ..Settings::default() };
-        let model_at = |units: &[f64]| refit.model_at(units);
-        let (place, followed) = (&fit.fitted.at, &fit.fitted.followed);
-        let found = hints(training, &parameters, &model_at, place, followed, &of_runs, &settings)?;
-        let own: Vec<usize> = (0..parameters.len()).collect();
-        let mut normal = Normal::zeros(parameters.len() + columns.len());
-        normal.matrix = found.information;
-        normal.vector = found.slope;
-        // Counted from where the parameters are, with the pull of what was known before.
-        let pulls = DVector::from_iterator(
-            own.len(),
-            place.iter().zip(&parameters).map(|(at, parameter)| at / parameter.stddev.powi(2)),
-        );
-        let mut vector = normal.vector.rows_mut(0, own.len());
-        vector -= pulls;
-        let known = |i: usize| parameters.get(i).map(|parameter| parameter.stddev.powi(2));
+        let refit = fit.refit(&problem.reference);
+        let normal = fit.normal(&refit, &of_runs, training, self.options.threads)?;
+        let own: Vec<usize> = (0..refit.columns.len()).collect();
+        let known = |i: usize| refit.stddevs.get(i).map(|stddev| stddev.powi(2));
         let Some(without) = Estimate::new(&normal, &own, |i| known(i).unwrap_or(1.0)) else {
             return Ok(Vec::new());
         };

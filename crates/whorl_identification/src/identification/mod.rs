@@ -21,7 +21,7 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_prediction::{Followed, Settings, fit};
 use whorl_recording::Recording;
 use whorl_trajectory::{Needs, Refusal, check};
-use whorl_validation::{Comparison, ValidationError, compare};
+use whorl_validation::{Comparison, ValidationError, compare, prediction_error};
 
 use crate::finding::{DataError, Finding};
 use crate::mass_parameters::{MASS_PARAMETERS, MassCovariance, MassVector};
@@ -156,7 +156,7 @@ pub fn identify(
         let log_fitted = fitted.followed.iter().map(Followed::log_likelihood).sum();
         findings.extend(wheels::check(&recordings, &as_fitted(model, &recordings), log_fitted, settings)?);
     }
-    let errors = (error(&before), error(&after));
+    let errors = (prediction_error(&before), prediction_error(&after));
     Ok(conclude(&Fit { parameters, prior, fitted, errors, recordings: &recordings, findings }))
 }
 
@@ -175,7 +175,7 @@ pub fn predict(
     let parameters = Parameters::new(model, prior, &recordings);
     // No step is taken: the information is that at the model.
     let fitted = fitted(&recordings, &parameters, &Settings { fit_rounds: 0, ..*settings })?;
-    let error = error(&compared(&recordings, model)?);
+    let error = prediction_error(&compared(&recordings, model)?);
     Ok(conclude(&Fit {
         parameters,
         prior,
@@ -237,8 +237,4 @@ fn as_fitted(model: &PlatformModel, recordings: &[Recording]) -> PlatformModel {
 fn compared(recordings: &[Recording], model: &PlatformModel) -> Result<Vec<Comparison>, ValidationError> {
     let model = as_fitted(model, recordings);
     recordings.iter().map(|run| compare(run, &model)).collect()
-}
-
-fn error(runs: &[Comparison]) -> Option<f64> {
-    whorl_validation::prediction_error(runs)
 }
