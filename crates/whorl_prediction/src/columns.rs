@@ -8,6 +8,7 @@ use whorl_dynamics::Plant;
 use whorl_dynamics::plant::{Acts, LinearisedPlant};
 use whorl_recording::Channel;
 
+use crate::design::Design;
 use crate::error::PredictionError;
 use crate::heading::UnseenHeading;
 use crate::known::KnownBefore;
@@ -54,6 +55,8 @@ pub(crate) struct Columns<'a> {
     rates: DVector<f64>,
     /// d of the innovations of the present instant, in their order.
     latest: Vec<DVector<f64>>,
+    /// d of all innovations, if they are kept.
+    design: Option<Design>,
 }
 
 /// What a pass says of parameters.
@@ -138,13 +141,22 @@ impl<'a> Columns<'a> {
             slope: DVector::zeros(n),
             rates: DVector::zeros(case.plant().tangent().size()),
             latest: Vec::new(),
+            design: None,
         })
     }
 
-    /// The sums over all innovations so far.
-    pub fn sums(mut self) -> Sums {
+    /// The same, which keeps how all innovations change.
+    pub fn keeping(mut self, design: Option<Design>) -> Self {
+        self.design = design;
+        self
+    }
+
+    /// The sums over all innovations so far, and how each changes if that was kept.
+    pub fn sums(mut self) -> (Sums, Option<Design>) {
         self.gather();
-        Sums { information: self.information, slope: -self.slope, of_start: self.of_start.transpose() }
+        let sums =
+            Sums { information: self.information, slope: -self.slope, of_start: self.of_start.transpose() };
+        (sums, self.design)
     }
 
     /// Before a step that ends at an instant, on the way to that of the next readings: how every varied model acts in the filter's state, or where more happens within the step
@@ -354,6 +366,9 @@ impl<'a> Columns<'a> {
             self.gather();
         }
         self.slope.axpy(value / variance, d, 1.0);
+        if let Some(design) = &mut self.design {
+            design.push(d, variance.sqrt());
+        }
         self.latest.push(d.clone());
     }
 

@@ -37,6 +37,7 @@
 mod ahead;
 mod claims;
 mod columns;
+mod design;
 mod error;
 mod filter;
 mod fit;

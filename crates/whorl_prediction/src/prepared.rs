@@ -171,6 +171,11 @@ impl<'a> Prepared<'a> {
         self.plant.now_ns()
     }
 
+    /// How many numbers were read at most.
+    pub(crate) fn numbers(&self) -> usize {
+        self.tracks.iter().map(|track| track.time_s.len() * track.components.len()).sum()
+    }
+
     /// How many instants there are at most at which anything was read.
     pub(crate) fn instants(&self) -> usize {
         self.tracks.iter().map(|track| track.time_s.len()).sum()

@@ -11,7 +11,7 @@ use crate::levels::{Followed, follow, follow_again};
 use crate::noise::Noise;
 use crate::other::Varied;
 use crate::parameter::Parameter;
-use crate::passes::{Passes, pass};
+use crate::passes::{Pass, Passes, pass, pass_near};
 use crate::prepared::Prepared;
 use crate::settings::Settings;
 use crate::start::Start;
@@ -74,16 +74,30 @@ impl Problem<'_> {
         .collect()
     }
 
-    /// Passes over all recordings.
+    /// Passes over all recordings, which keep how innovations change.
     pub fn passes(&self, at: &[f64], runs: &[(Noise, Start)]) -> Result<Passes, PredictionError> {
-        self.passes_with(at, runs, &self.varied(at)?, &[])
+        let varied = self.varied(at)?;
+        self.each_pass(at, runs, |case, _, (noise, start)| pass(case, noise, start, &varied, &[], true))
     }
 
     /// The same without what they say of parameters.
     pub fn passes_alone(&self, at: &[f64], runs: &[(Noise, Start)]) -> Result<Passes, PredictionError> {
-        self.passes_with(at, runs, &[], &[])
+        self.each_pass(at, runs, |case, _, (noise, start)| Ok(pass_near(case, noise, start, None)))
     }
 
+    /// The same with the changes that innovations had in passes close by.
+    pub fn passes_near(
+        &self,
+        at: &[f64],
+        runs: &[(Noise, Start)],
+        close: &Passes,
+    ) -> Result<Passes, PredictionError> {
+        self.each_pass(at, runs, |case, run, (noise, start)| {
+            Ok(pass_near(case, noise, start, close.kept(run)))
+        })
+    }
+
+    /// Passes with columns for laws as well, which are as many for each recording.
     pub fn passes_with(
         &self,
         at: &[f64],
@@ -91,12 +105,22 @@ impl Problem<'_> {
         varied: &[Varied],
         laws: &[Vec<Box<Law<'_>>>],
     ) -> Result<Passes, PredictionError> {
+        self.each_pass(at, runs, |case, run, (noise, start)| {
+            pass(case, noise, start, varied, laws.get(run).map_or(&[], Vec::as_slice), false)
+        })
+    }
+
+    fn each_pass(
+        &self,
+        at: &[f64],
+        runs: &[(Noise, Start)],
+        of: impl Fn(&Prepared<'_>, usize, &(Noise, Start)) -> Result<Pass, PredictionError> + Sync,
+    ) -> Result<Passes, PredictionError> {
         let model = self.model(at)?;
         let numbers: Vec<usize> = (0..self.recordings.len().min(runs.len())).collect();
         let found = each(&numbers, self.settings.threads, |run| {
             let case = Prepared::new(&self.recordings[*run], &model, *self.settings)?;
-            let (noise, start) = &runs[*run];
-            pass(&case, noise, start, varied, laws.get(*run).map_or(&[], Vec::as_slice))
+            of(&case, *run, &runs[*run])
         });
         Ok(Passes(found.into_iter().collect::<Result<_, _>>()?))
     }

@@ -69,11 +69,13 @@ impl Problem<'_> {
         let mut best =
             Settled { standing: begun, information: None, stands: nothing_varies, is_hopeless: false };
         let mut levels = best.standing.clone();
+        let mut known = None;
         for round in 0..settings.fit_rounds {
             if best.stands {
                 break;
             }
-            let Climbed { at, starts, end, information } = self.climbed(&levels, round == 0, least)?;
+            let Climbed { at, starts, end, information, passes } =
+                self.climbed(&levels, known.take(), round == 0, least)?;
             let is_top = end == End::Top;
             if end == End::Hopeless {
                 best.information = (at == best.standing.at).then_some(information);
@@ -83,6 +85,7 @@ impl Problem<'_> {
             if at == levels.at {
                 if round == 0 && is_top {
                     // Too little was promised for a rough look.
+                    known = Some(passes);
                     continue;
                 }
                 // Levels that were found here are found again.
