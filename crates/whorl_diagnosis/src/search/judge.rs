@@ -19,14 +19,14 @@ use crate::parameters::available::Available;
 use crate::refit::{Entered, Refit};
 use crate::search::Search;
 use crate::search::prior::log_prior;
-use crate::search::sampled::entered;
+use crate::search::sampled::{Beside, entered};
 use crate::search::standing::{Converged, Judged, JudgedFit, Likelihoods};
 use crate::verdict::posterior::WORTH_MENTIONING;
 use crate::{DiagnosisError, Progress};
 
 /// Sets that are judged at most, besides that of no effects.
 const MOST_JUDGED: usize = 12;
-/// Effects that the samples may add one after the other to what bins propose.
+/// Sets of so many effects the samples add none to.
 const MOST_EFFECTS: usize = 3;
 
 /// Recordings show a parameter if they leave it less than this share of its deviation: half a tenth of its information is theirs.
@@ -55,8 +55,8 @@ struct Alone {
 }
 
 impl Search<'_> {
-    /// Judges that of no effects and the most probable set, parts of it while they are more probable, and the next ones as long as they
-    /// explain nothing; then those with an effect more that the samples ask for.
+    /// Judges that of no effects, sets with an effect more that the samples ask for, and those that bins propose as far as the samples do
+    /// not rule them out: the most probable ones, and parts of them while they are more probable.
     pub(crate) fn judge(
         &mut self,
         training: &[Recording],
@@ -68,44 +68,69 @@ impl Search<'_> {
         let judge = Judge { training, held_out, available, threads: self.options.threads };
         // Where no filter can be run bins are left alone.
         let Some(base) = self.judge_alone(&judge)? else { return self.settle_most_probable() };
+        let mut beside: Option<Beside> = None;
         let mut left = MOST_JUDGED;
-        for _ in 0..MOST_EFFECTS {
-            while let Some((set, larger)) = self.next_to_judge().or_else(|| self.next_rival()) {
-                let Some(fewer) = left.checked_sub(1) else { break };
-                left = fewer;
-                progress(Progress {
-                    share: 0.95 - 0.1 * left as f64 / MOST_JUDGED as f64,
-                    doing: "comparing every sample",
-                });
-                let entered = entered(&set, None);
-                let Some(found) = DiagnosisError::possible(judge.beside(self, &set, &base, &entered))? else {
-                    break;
-                };
-                self.set_judged(set, found, larger.as_deref());
+        loop {
+            let Some(most) = self.most_probable_judged().cloned() else { break };
+            if beside.as_ref().is_none_or(|beside| beside.names != most.names) {
+                beside = self.judge_asked(&judge, &base, &most, &mut left)?;
+                if self.most_probable_judged().is_some_and(|now| now.names != most.names) {
+                    continue;
+                }
             }
-            if !self.judge_asked(&judge, &base)? {
+            let Some((set, larger)) = self.next_to_judge().or_else(|| self.next_rival()) else { break };
+            if beside.as_ref().is_some_and(|beside| beside.rules_out(&set.names)) {
+                self.fitted.remove(&set.names);
+                continue;
+            }
+            let Some(fewer) = left.checked_sub(1) else { break };
+            left = fewer;
+            progress(Progress {
+                share: 0.95 - 0.1 * left as f64 / MOST_JUDGED as f64,
+                doing: "comparing every sample",
+            });
+            let entered = entered(&set, None);
+            let Some(found) = DiagnosisError::possible(judge.beside(self, &set, &base, &entered))? else {
                 break;
-            }
+            };
+            self.set_judged(set, found, larger.as_deref());
         }
         self.forget_what_was_not_judged();
         self.settle_most_probable()
     }
 
-    /// Judges the most probable set with each effect more that the samples ask for; whether another set is the most probable one then.
-    fn judge_asked(&mut self, judge: &Judge<'_>, base: &Alone) -> Result<bool, DiagnosisError> {
-        let Some(set) = self.most_probable().cloned() else { return Ok(false) };
-        let Some(judged) = &set.judged else { return Ok(false) };
-        let asked = DiagnosisError::possible(self.asked_for(&set.names, &judged.fit, judge.training))?;
-        for asked in asked.into_iter().flatten() {
-            let Some(larger) = self.with_effect(&set, asked.id)?.filter(|set| set.judged.is_none()) else {
+    /// Of the sets that were judged the most probable one.
+    fn most_probable_judged(&self) -> Option<&Converged> {
+        let judged = self.admissible().filter(|set| set.judged.is_some());
+        judged.max_by(|a, b| a.log_posterior().total_cmp(&b.log_posterior()))
+    }
+
+    /// Judges a set with each effect more that the samples ask for; what they say beside it.
+    fn judge_asked(
+        &mut self,
+        judge: &Judge<'_>,
+        base: &Alone,
+        set: &Converged,
+        left: &mut usize,
+    ) -> Result<Option<Beside>, DiagnosisError> {
+        let Some(judged) = &set.judged else { return Ok(None) };
+        let beside =
+            DiagnosisError::possible(self.beside(&set.names, &judged.fit, judge.training))?.flatten();
+        if set.names.len() >= MOST_EFFECTS {
+            return Ok(beside);
+        }
+        for asked in beside.iter().flat_map(Beside::asked) {
+            let Some(fewer) = left.checked_sub(1) else { break };
+            let Some(larger) = self.with_effect(set, asked.id)?.filter(|set| set.judged.is_none()) else {
                 continue;
             };
+            *left = fewer;
             let entered = entered(&larger, Some(&asked));
             if let Some(found) = DiagnosisError::possible(judge.beside(self, &larger, base, &entered))? {
                 self.set_asked(larger, found);
             }
         }
-        Ok(self.most_probable().is_some_and(|most| most.names != set.names))
+        Ok(beside)
     }
 
     /// What bins did not propose is as sure as the samples say.

@@ -18,6 +18,7 @@ use crate::refit::{Entered, Refit};
 use crate::search::Search;
 use crate::search::prior::log_prior;
 use crate::search::standing::{Converged, JudgedFit};
+use crate::verdict::posterior::WORTH_MENTIONING;
 
 /// Prior sizes that are tried, in units of the catalogue's, and what each costs (natural logarithm): a hundred times is as rare as in
 /// the search.
@@ -40,16 +41,101 @@ pub(crate) struct Asked {
 struct Offered {
     id: &'static str,
     columns: Vec<usize>,
+    /// Whether its amplitudes are all of it: with a shape at another value others might fit.
+    is_linear: bool,
+}
+
+/// What the samples say of every effect beside a set that was fitted to them.
+pub(crate) struct Beside {
+    pub names: Vec<String>,
+    normal: Normal,
+    /// Columns of the set itself.
+    own: Vec<usize>,
+    offered: Vec<Offered>,
+    columns: Vec<Column>,
+    stddevs: Vec<f64>,
+    /// Log evidence without any of them.
+    without: f64,
+}
+
+impl Beside {
+    /// Effects beside the set, the most promising first.
+    pub fn asked(&self) -> Vec<Asked> {
+        let mut asked: Vec<Asked> = self
+            .offered
+            .iter()
+            .filter_map(|effect| {
+                let (gain, size, columns) = self.gain_of(&effect.columns)?;
+                let promise = gain - self.without + log_prior(&[effect.id]);
+                let indices = columns.iter().map(|i| self.columns[*i].index).collect();
+                Some(Asked { id: effect.id, entered: Entered { indices, size }, promise })
+            })
+            .filter(|asked| asked.promise > 0.0)
+            .collect();
+        asked.sort_by(|a, b| b.promise.total_cmp(&a.promise));
+        let least = asked.first().map_or(0.0, |best| best.promise - WINDOW);
+        asked.retain(|one| one.promise >= least);
+        asked.truncate(MOST_ASKED);
+        asked
+    }
+
+    /// Whether a set that holds this one, and effects besides that are linear in what the samples were asked for, is not worth a
+    /// mention beside it.
+    pub fn rules_out(&self, names: &[String]) -> bool {
+        let is_own = |name: &String| self.names.contains(name);
+        if names.len() <= self.names.len() || !self.names.iter().all(|name| names.contains(name)) {
+            return false;
+        }
+        let further = names.iter().filter(|name| !is_own(name));
+        let offered: Option<Vec<&Offered>> =
+            further.map(|name| self.offered.iter().find(|effect| effect.id == name)).collect();
+        let Some(offered) = offered.filter(|all| all.iter().all(|effect| effect.is_linear)) else {
+            return false;
+        };
+        let columns: Vec<usize> = offered.iter().flat_map(|effect| effect.columns.iter().copied()).collect();
+        let Some((gain, ..)) = self.gain_of(&columns) else { return false };
+        let promise = gain - self.without + log_prior(names) - log_prior(&self.names);
+        promise < WORTH_MENTIONING.ln()
+    }
+
+    /// Log evidence with more columns, at the size that is likeliest, and those with which they enter: what would have values that no
+    /// platform has leaves.
+    fn gain_of(&self, further: &[usize]) -> Option<(f64, f64, Vec<usize>)> {
+        let known = |i: usize| self.stddevs[i].powi(2);
+        let with = |entered: &[usize], size: f64| {
+            let all: Vec<usize> = self.own.iter().chain(entered).copied().collect();
+            let variance = |i: usize| if i < self.own.len() { known(i) } else { known(i) * size * size };
+            Estimate::new(&self.normal, &all, variance)
+        };
+        let mut best: Option<(f64, f64, Vec<usize>)> = None;
+        for (size, price) in SIZES {
+            let mut entered = further.to_vec();
+            while !entered.is_empty() {
+                let Some(found) = with(&entered, size) else { break };
+                let is_possible =
+                    |i: &usize| (self.columns[*i].range.0..=self.columns[*i].range.1).contains(&found.of(*i));
+                if entered.iter().all(is_possible) {
+                    let gain = found.log_evidence + price;
+                    if best.as_ref().is_none_or(|(most, ..)| gain > *most) {
+                        best = Some((gain, size, entered.clone()));
+                    }
+                    break;
+                }
+                entered.retain(|i| is_possible(i));
+            }
+        }
+        best
+    }
 }
 
 impl Search<'_> {
-    /// Effects beside a set that was fitted to the samples, the most promising first.
-    pub(crate) fn asked_for(
+    /// What the samples say beside a set that was fitted to them.
+    pub(crate) fn beside(
         &self,
         names: &[String],
         fit: &JudgedFit,
         training: &[Recording],
-    ) -> Result<Vec<Asked>, DiagnosisError> {
+    ) -> Result<Option<Beside>, DiagnosisError> {
         let mut refit = fit.refit(&self.problem.reference);
         let mut at = fit.fitted.at.clone();
         let own: Vec<usize> = (0..at.len()).collect();
@@ -59,26 +145,22 @@ impl Search<'_> {
                 continue;
             }
             let columns = self.offer(&mut refit, &mut at, candidate.effect);
-            offered.push(Offered { id: candidate.id, columns });
+            let specs = candidate.effect.parameters(&self.problem.reference.model);
+            let is_linear = specs.iter().all(|spec| spec.known || spec.role == Role::Amplitude);
+            offered.push(Offered { id: candidate.id, columns, is_linear });
         }
         let normal = fit.normal(&refit, &[], training, self.options.threads)?;
         let known = |i: usize| refit.stddevs[i].powi(2);
-        let Some(without) = Estimate::new(&normal, &own, known) else { return Ok(Vec::new()) };
-        let mut asked: Vec<Asked> = offered
-            .iter()
-            .filter_map(|effect| {
-                let (gain, size, columns) = gain_of(&normal, &own, &known, effect, &refit.columns)?;
-                let promise = gain - without.log_evidence + log_prior(&[effect.id]);
-                let indices = columns.iter().map(|i| refit.columns[*i].index).collect();
-                Some(Asked { id: effect.id, entered: Entered { indices, size }, promise })
-            })
-            .filter(|asked| asked.promise > 0.0)
-            .collect();
-        asked.sort_by(|a, b| b.promise.total_cmp(&a.promise));
-        let least = asked.first().map_or(0.0, |best| best.promise - WINDOW);
-        asked.retain(|one| one.promise >= least);
-        asked.truncate(MOST_ASKED);
-        Ok(asked)
+        let Some(without) = Estimate::new(&normal, &own, known) else { return Ok(None) };
+        Ok(Some(Beside {
+            names: names.to_vec(),
+            own,
+            offered,
+            without: without.log_evidence,
+            columns: refit.columns,
+            stddevs: refit.stddevs,
+            normal,
+        }))
     }
 
     /// Adds the amplitudes of an effect that any platform may have, at none; where they are.
@@ -135,39 +217,6 @@ impl Search<'_> {
         let Some(start) = start else { return Ok(None) };
         Ok(self.converge(&start)?.filter(|found| found.names == names))
     }
-}
-
-/// Log evidence with an effect, at the size that is likeliest, and the columns with which it enters: those that would have values that no
-/// platform has leave.
-fn gain_of(
-    normal: &Normal,
-    own: &[usize],
-    known: &impl Fn(usize) -> f64,
-    effect: &Offered,
-    columns: &[Column],
-) -> Option<(f64, f64, Vec<usize>)> {
-    let with = |entered: &[usize], size: f64| {
-        let all: Vec<usize> = own.iter().chain(entered).copied().collect();
-        let variance = |i: usize| if i < own.len() { known(i) } else { known(i) * size * size };
-        Estimate::new(normal, &all, variance)
-    };
-    let mut best: Option<(f64, f64, Vec<usize>)> = None;
-    for (size, price) in SIZES {
-        let mut entered = effect.columns.clone();
-        while !entered.is_empty() {
-            let Some(found) = with(&entered, size) else { break };
-            let is_possible = |i: &usize| (columns[*i].range.0..=columns[*i].range.1).contains(&found.of(*i));
-            if entered.iter().all(is_possible) {
-                let gain = found.log_evidence + price;
-                if best.as_ref().is_none_or(|(most, ..)| gain > *most) {
-                    best = Some((gain, size, entered.clone()));
-                }
-                break;
-            }
-            entered.retain(|i| is_possible(i));
-        }
-    }
-    best
 }
 
 /// How effects enter a fit: as bins found them, and with what the samples ask for.

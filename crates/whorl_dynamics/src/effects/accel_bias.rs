@@ -37,6 +37,10 @@ impl Effect for AccelBias {
         Bias::specs(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         model.sensors.accelerometer.errors.bias += Bias::of(values).bias_m_s2;
         Ok(())

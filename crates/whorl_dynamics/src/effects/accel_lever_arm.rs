@@ -40,6 +40,10 @@ impl Effect for AccelLeverArm {
         Arm::specs(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         model.sensors.accelerometer.lever_arm_b_m += Arm::of(values).d_m;
         Ok(())

@@ -37,6 +37,10 @@ impl Effect for AccelScale {
         Scale::specs(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         model.sensors.accelerometer.errors.scale += Scale::of(values).scale;
         Ok(())

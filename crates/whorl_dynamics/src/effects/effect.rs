@@ -104,6 +104,11 @@ pub trait Effect: Sync + fmt::Debug {
         Ok(())
     }
 
+    /// Whether it corrects constants ([`Self::adjust`]) and has no other of these hooks: nothing asks it while the platform moves.
+    fn is_correction(&self) -> bool {
+        false
+    }
+
     /// Torque on the body about the centre of rotation, body axes [N m].
     fn torque_b_n_m(&self, _values: &[f64], _environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
         Vector3::zeros()

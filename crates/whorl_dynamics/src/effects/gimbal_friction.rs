@@ -49,6 +49,10 @@ impl Effect for GimbalFriction {
         per_gyro::<Drag>(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         for (j, gyro) in model.gyros_mut().iter_mut().enumerate() {
             let drag = Drag::nth(values, j);

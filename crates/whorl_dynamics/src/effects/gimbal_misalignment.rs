@@ -46,6 +46,10 @@ impl Effect for GimbalMisalignment {
         per_gyro::<Tilt>(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         for (j, gyro) in model.gyros_mut().iter_mut().enumerate() {
             let angles_rad = Tilt::nth(values, j).angles_rad;

@@ -41,6 +41,10 @@ impl Effect for GravityOffset {
         Offset::specs(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         let properties = &model.mass_properties;
         let offset: Vector3<f64> = properties.gravity_offset_b_n_m() + Offset::of(values).mgr_b_n_m;

@@ -37,6 +37,10 @@ impl Effect for GyroBias {
         Bias::specs(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         model.sensors.gyro.errors.bias += Bias::of(values).bias_rad_s;
         Ok(())

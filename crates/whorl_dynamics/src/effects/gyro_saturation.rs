@@ -52,6 +52,10 @@ impl Effect for GyroSaturation {
         Digits::specs(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         let errors = &mut model.sensors.gyro.errors;
         let digits = Digits::of(values);

@@ -42,6 +42,10 @@ impl Effect for ImuBandwidth {
         Bandwidth::specs(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         let bandwidth = Bandwidth::of(values);
         model.sensors.gyro.errors.time_constant_s += bandwidth.gyro_s;

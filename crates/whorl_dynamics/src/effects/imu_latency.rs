@@ -34,6 +34,10 @@ impl Effect for ImuLatency {
         Latency::specs(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         let late_s = Latency::of(values).t_s;
         model.sensors.gyro.errors.latency_s += late_s;

@@ -48,6 +48,10 @@ impl Effect for InertiaProducts {
         Products::specs(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         let properties = &model.mass_properties;
         let inertia = properties.inertia_b_kg_m2() + self.added_inertia_b_kg_m2(values);

@@ -37,6 +37,10 @@ impl Effect for RotorMomentum {
         per_gyro::<Momentum>(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         for (j, gyro) in model.gyros_mut().iter_mut().enumerate() {
             gyro.rotor_momentum_n_m_s *= 1.0 + Momentum::nth(values, j).error;

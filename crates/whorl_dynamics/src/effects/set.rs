@@ -49,6 +49,8 @@ impl ActiveEffect {
 #[derive(Debug, Clone, Default)]
 pub struct EffectSet {
     active: Vec<ActiveEffect>,
+    /// Those of them that do something while the platform moves.
+    acting: Vec<usize>,
     hidden_states: usize,
 }
 
@@ -119,12 +121,31 @@ impl EffectSet {
     fn push(&mut self, effect: &'static dyn Effect, values: Vec<f64>, model: &PlatformModel) {
         let first = self.hidden_states;
         self.hidden_states += effect.hidden_states(model);
+        let is_neutral = || {
+            let specs = effect.parameters(model);
+            specs.len() == values.len() && specs.iter().zip(&values).all(|(spec, x)| *x == spec.neutral)
+        };
+        let has_states = self.hidden_states > first;
+        if has_states || !(effect.is_correction() || is_neutral()) {
+            self.acting.push(self.active.len());
+        }
         self.active.push(ActiveEffect { effect, values, hidden: first..self.hidden_states });
     }
 
     /// The effects in it.
     pub fn iter(&self) -> impl Iterator<Item = &ActiveEffect> {
         self.active.iter()
+    }
+
+    /// Those that do something while the platform moves: neither corrections of its constants, nor neutral.
+    fn acting(&self) -> impl Iterator<Item = &ActiveEffect> {
+        self.acting.iter().filter_map(|i| self.active.get(*i))
+    }
+
+    /// Whether any does something while the platform moves.
+    #[must_use]
+    pub fn any_acts(&self) -> bool {
+        !self.acting.is_empty()
     }
 
     /// True for the base model.
@@ -157,30 +178,30 @@ impl EffectSet {
     #[must_use]
     pub fn torque_b_n_m(&self, environment: &Environment<'_>, hidden: &[f64]) -> Vector3<f64> {
         let torque = |a: &ActiveEffect| a.effect.torque_b_n_m(&a.values, environment, a.hidden(hidden));
-        self.active.iter().map(torque).sum()
+        self.acting().map(torque).sum()
     }
 
     /// Whether any effect is a contact.
     #[must_use]
     pub fn has_contact(&self) -> bool {
-        self.active.iter().any(|a| a.effect.contact_tilt_rad(&a.values).is_some())
+        self.acting().any(|a| a.effect.contact_tilt_rad(&a.values).is_some())
     }
 
     /// Whether any contact touches.
     #[must_use]
     pub fn touches(&self, environment: &Environment<'_>) -> bool {
-        self.active.iter().any(|a| a.effect.touches(&a.values, environment))
+        self.acting().any(|a| a.effect.touches(&a.values, environment))
     }
 
     /// Sum of [`Effect::reaction_inertia_b_kg_m2`].
     #[must_use]
     pub fn reaction_inertia_b_kg_m2(&self, model: &PlatformModel) -> Matrix3<f64> {
-        self.active.iter().map(|a| a.effect.reaction_inertia_b_kg_m2(&a.values, model)).sum()
+        self.acting().map(|a| a.effect.reaction_inertia_b_kg_m2(&a.values, model)).sum()
     }
 
     /// [`Effect::add_wheel_torque_n_m`] of every effect.
     pub fn add_wheel_torque_n_m(&self, environment: &Environment<'_>, torque_n_m: &mut [f64]) {
-        for a in &self.active {
+        for a in self.acting() {
             a.effect.add_wheel_torque_n_m(&a.values, environment, torque_n_m);
         }
     }
@@ -188,13 +209,13 @@ impl EffectSet {
     /// Sum of [`Effect::gas_rate_kg_s`].
     #[must_use]
     pub fn gas_rate_kg_s(&self, environment: &Environment<'_>) -> f64 {
-        self.active.iter().map(|a| a.effect.gas_rate_kg_s(&a.values, environment)).sum()
+        self.acting().map(|a| a.effect.gas_rate_kg_s(&a.values, environment)).sum()
     }
 
     /// Sums of [`Effect::valve_delay_s`].
     #[must_use]
     pub fn valve_delay_s(&self, environment: &Environment<'_>) -> (f64, f64) {
-        self.active.iter().map(|a| a.effect.valve_delay_s(&a.values, environment)).fold(
+        self.acting().map(|a| a.effect.valve_delay_s(&a.values, environment)).fold(
             (0.0, 0.0),
             |(opening, closing), (more_opening, more_closing)| {
                 (opening + more_opening, closing + more_closing)
@@ -205,24 +226,22 @@ impl EffectSet {
     /// Product of [`Effect::thrust_factor`].
     #[must_use]
     pub fn thrust_factor(&self, environment: &Environment<'_>) -> f64 {
-        self.active.iter().map(|a| a.effect.thrust_factor(&a.values, environment)).product()
+        self.acting().map(|a| a.effect.thrust_factor(&a.values, environment)).product()
     }
 
     /// The longest [`Effect::thrust_lag`].
     #[must_use]
     pub fn thrust_lag(&self) -> ThrustLag {
-        self.active.iter().map(|a| a.effect.thrust_lag(&a.values)).fold(ThrustLag::default(), |a, b| {
-            ThrustLag {
-                rise_s: a.rise_s.max(b.rise_s),
-                tail_s: a.tail_s.max(b.tail_s),
-                tail_exponent: a.tail_exponent.max(b.tail_exponent),
-            }
+        self.acting().map(|a| a.effect.thrust_lag(&a.values)).fold(ThrustLag::default(), |a, b| ThrustLag {
+            rise_s: a.rise_s.max(b.rise_s),
+            tail_s: a.tail_s.max(b.tail_s),
+            tail_exponent: a.tail_exponent.max(b.tail_exponent),
         })
     }
 
     /// [`Effect::hidden_derivative`] of every effect.
     pub fn hidden_derivative(&self, environment: &Environment<'_>, hidden: &[f64], derivative: &mut [f64]) {
-        for a in self.active.iter().filter(|a| !a.hidden.is_empty()) {
+        for a in self.acting().filter(|a| !a.hidden.is_empty()) {
             if let Some(slots) = derivative.get_mut(a.hidden.clone()) {
                 a.effect.hidden_derivative(&a.values, environment, a.hidden(hidden), slots);
             }
@@ -233,7 +252,7 @@ impl EffectSet {
     #[must_use]
     pub fn hidden_start_stddev(&self, model: &PlatformModel, torque_n_m: f64) -> Vec<f64> {
         let mut stddev = vec![0.0; self.hidden_states];
-        for a in self.active.iter().filter(|a| !a.hidden.is_empty()) {
+        for a in self.acting().filter(|a| !a.hidden.is_empty()) {
             if let Some(slots) = stddev.get_mut(a.hidden.clone()) {
                 a.effect.hidden_start_stddev(&a.values, model, torque_n_m, slots);
             }
@@ -243,7 +262,7 @@ impl EffectSet {
 
     /// [`Effect::hidden_noise`] of every effect.
     pub fn hidden_noise(&self, intensity: &mut [f64]) {
-        for a in self.active.iter().filter(|a| !a.hidden.is_empty()) {
+        for a in self.acting().filter(|a| !a.hidden.is_empty()) {
             if let Some(slots) = intensity.get_mut(a.hidden.clone()) {
                 a.effect.hidden_noise(&a.values, slots);
             }
@@ -253,13 +272,13 @@ impl EffectSet {
     /// [`Effect::torque_walk_b_n_m_sqrt_s`] of all effects, independent of each other.
     #[must_use]
     pub fn torque_walk_b_n_m_sqrt_s(&self) -> Vector3<f64> {
-        let squares = self.active.iter().map(|a| a.effect.torque_walk_b_n_m_sqrt_s(&a.values).map(|x| x * x));
+        let squares = self.acting().map(|a| a.effect.torque_walk_b_n_m_sqrt_s(&a.values).map(|x| x * x));
         squares.sum::<Vector3<f64>>().map(f64::sqrt)
     }
 
     /// [`Effect::measure_imu`] of every effect, in the order of their ids.
     pub fn measure_imu(&self, environment: &Environment<'_>, imu: &mut TrueImu) {
-        for a in &self.active {
+        for a in self.acting() {
             a.effect.measure_imu(&a.values, environment, imu);
         }
     }

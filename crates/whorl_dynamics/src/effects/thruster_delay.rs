@@ -55,6 +55,10 @@ impl Effect for ThrusterDelay {
         Delay::specs(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         let delay = Delay::of(values);
         for jet in model.jets_mut() {

@@ -46,6 +46,10 @@ impl Effect for ThrusterMisalignment {
         per_jet::<Tilt>(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         for (j, jet) in model.jets_mut().iter_mut().enumerate() {
             jet.force_direction_b = tilted(jet.force_direction_b, Tilt::nth(values, j).angles_rad);

@@ -34,6 +34,10 @@ impl Effect for ThrusterPressure {
         Pressure::specs(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         model.tank_mut().thrust_pressure_exponent += Pressure::of(values).exponent;
         Ok(())

@@ -45,6 +45,10 @@ impl Effect for ThrusterStrength {
         specs
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         let all = 1.0 + Common::of(values).all;
         let of_jets = Common::rest(values);

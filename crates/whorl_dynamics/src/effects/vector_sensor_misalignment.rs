@@ -37,6 +37,10 @@ impl Effect for VectorSensorMisalignment {
         Turn::specs(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         if let Some(sensor) = &mut model.sensors.vector {
             sensor.misalignment_rad += Turn::of(values).m_rad;

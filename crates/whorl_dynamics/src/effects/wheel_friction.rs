@@ -52,6 +52,10 @@ impl Effect for WheelFriction {
         per_wheel::<Drag>(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         for (j, wheel) in model.wheels_mut().iter_mut().enumerate() {
             let drag = Drag::nth(values, j);

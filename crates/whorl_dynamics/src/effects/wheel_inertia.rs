@@ -37,6 +37,10 @@ impl Effect for WheelInertia {
         per_wheel::<Inertia>(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         for (j, wheel) in model.wheels_mut().iter_mut().enumerate() {
             wheel.spin_inertia_kg_m2 *= 1.0 + Inertia::nth(values, j).error;

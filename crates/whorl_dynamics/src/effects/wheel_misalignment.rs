@@ -46,6 +46,10 @@ impl Effect for WheelMisalignment {
         per_wheel::<Tilt>(model)
     }
 
+    fn is_correction(&self) -> bool {
+        true
+    }
+
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         for (j, wheel) in model.wheels_mut().iter_mut().enumerate() {
             wheel.spin_axis_b = tilted(wheel.spin_axis_b, Tilt::nth(values, j).angles_rad);

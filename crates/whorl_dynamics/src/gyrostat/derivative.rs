@@ -205,7 +205,7 @@ impl Gyrostat {
         let vertical_b = vertical_b(&state.q_world_body);
         let actuators = &self.model.actuators;
         let momentum = self.total_momentum_b_n_m_s(state);
-        let environment = (!self.effects.is_empty()).then(|| self.environment(at.time_s, state, drive));
+        let environment = self.effects.any_acts().then(|| self.environment(at.time_s, state, drive));
         // Asked for long before it is used: what comes back through memory is late otherwise.
         let of_effects = environment.as_ref().map(|seen| self.effects.torque_b_n_m(seen, &state.hidden));
         let mut body = OnBody {
