@@ -47,7 +47,9 @@ pub use search::prospect::{Prospect, Prospects, prospects};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_recording::Recording;
 
+use parameters::available::Available;
 use search::Search;
+use search::judge::{Judge, Judgement};
 use search::latency::Late;
 
 /// Finds the effect that the model lacks.
@@ -87,44 +89,50 @@ pub fn diagnose(
         diagnosis
     };
     let recordings = (training, held_out);
-    let (search, without) = searched(&mut problem, held.as_mut(), options, progress)?;
-    let Some(late_s) = without.worth_a_new_layout(search.problem.reference.late_s) else {
+    let (search, without) = searched(&mut problem, held.as_mut(), recordings, options, progress)?;
+    let Some(late_s) = without.worth_a_new_layout(search.0.problem.reference.late_s) else {
         return Ok(noted(answer(search, recordings, progress)?));
     };
     drop(search);
     drop((problem, held));
     let (mut problem, mut held) = prepare(training, held_out, model, prior, options, Some(late_s), progress)?;
-    let (search, late) = searched(&mut problem, held.as_mut(), options, progress)?;
+    let (search, late) = searched(&mut problem, held.as_mut(), recordings, options, progress)?;
     if late.explains_more_than_others(&without) {
         return Ok(noted(answer(search, recordings, progress)?));
     }
     drop(search);
     drop((problem, held));
     let (mut problem, mut held) = prepare(training, held_out, model, prior, options, None, progress)?;
-    let (search, _) = searched(&mut problem, held.as_mut(), options, progress)?;
+    let (search, _) = searched(&mut problem, held.as_mut(), recordings, options, progress)?;
     Ok(noted(answer(search, recordings, progress)?))
 }
 
-/// A search in bins, and what it found of a latency.
+/// A search, with what its sets are judged beside.
+type Searched<'a> = (Search<'a>, Option<Judgement<'a>>);
+
+/// A search, and what it found of a latency.
 fn searched<'a>(
     problem: &'a mut evidence::problem::Problem,
     held_out: Option<&'a mut evidence::problem::Problem>,
+    (training, held_out_recordings): (&'a [Recording], &'a [Recording]),
     options: &'a Options,
     progress: &mut dyn FnMut(Progress),
-) -> Result<(Search<'a>, Late), DiagnosisError> {
+) -> Result<(Searched<'a>, Late), DiagnosisError> {
+    let available = Available::of(&problem.runs);
+    let judge = Judge { training, held_out: held_out_recordings, available, threads: options.threads };
     let mut search = Search::start(problem, held_out, options, progress)?;
-    search.run(progress)?;
+    let judgement = search.run(judge, progress)?;
     let late = Late::of(&search);
-    Ok((search, late))
+    Ok(((search, judgement), late))
 }
 
 /// The answer of a search, judged by the samples.
 fn answer(
-    mut search: Search<'_>,
+    (mut search, judgement): Searched<'_>,
     recordings: (&[Recording], &[Recording]),
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Diagnosis, DiagnosisError> {
-    search.judge(recordings.0, recordings.1, progress)?;
+    search.judge_rest(judgement, progress)?;
     progress(Progress { share: 0.95, doing: "writing the answer" });
     let mut diagnosis = search.answer(recordings.0)?;
     if let Some(remark) = verdict::unrecorded::pulses(&search)? {

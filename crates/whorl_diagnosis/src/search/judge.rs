@@ -19,7 +19,7 @@ use crate::parameters::available::Available;
 use crate::refit::{Entered, Refit};
 use crate::search::Search;
 use crate::search::prior::log_prior;
-use crate::search::sampled::{Beside, entered};
+use crate::search::sampled::entered;
 use crate::search::standing::{Converged, Judged, JudgedFit, Likelihoods};
 use crate::verdict::posterior::WORTH_MENTIONING;
 use crate::{DiagnosisError, Progress};
@@ -37,11 +37,19 @@ const STANDS_NATS: f64 = 0.3;
 const ROUNDS: usize = 3;
 
 /// Recordings that sets are fitted to and tried on.
-struct Judge<'a> {
-    training: &'a [Recording],
-    held_out: &'a [Recording],
-    available: Available,
-    threads: usize,
+pub(crate) struct Judge<'a> {
+    pub training: &'a [Recording],
+    pub held_out: &'a [Recording],
+    pub available: Available,
+    pub threads: usize,
+}
+
+/// What sets are judged beside.
+pub(crate) struct Judgement<'a> {
+    judge: Judge<'a>,
+    base: Alone,
+    /// Sets that may still be judged.
+    left: usize,
 }
 
 /// The platform's own parameters where they are likeliest alone.
@@ -55,82 +63,80 @@ struct Alone {
 }
 
 impl Search<'_> {
-    /// Judges that of no effects, sets with an effect more that the samples ask for, and those that bins propose as far as the samples do
-    /// not rule them out: the most probable ones, and parts of them while they are more probable.
-    pub(crate) fn judge(
+    /// Judges that of no effects, then sets with an effect more that the samples ask for. `None` where no filter can be run.
+    pub(crate) fn judge_first<'j>(
         &mut self,
-        training: &[Recording],
-        held_out: &[Recording],
+        judge: Judge<'j>,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Option<Judgement<'j>>, DiagnosisError> {
+        progress(Progress { share: 0.6, doing: "comparing every sample" });
+        let Some(base) = self.judge_alone(&judge)? else { return Ok(None) };
+        let mut judgement = Judgement { judge, base, left: MOST_JUDGED };
+        self.judge_asked_for(&mut judgement)?;
+        Ok(Some(judgement))
+    }
+
+    /// Judges what bins propose as far as the samples do not rule it out: the most probable sets, and parts of them while they are more
+    /// probable.
+    pub(crate) fn judge_rest(
+        &mut self,
+        judgement: Option<Judgement<'_>>,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<(), DiagnosisError> {
-        progress(Progress { share: 0.85, doing: "comparing every sample" });
-        let available = Available::of(&self.problem.runs);
-        let judge = Judge { training, held_out, available, threads: self.options.threads };
         // Where no filter can be run bins are left alone.
-        let Some(base) = self.judge_alone(&judge)? else { return self.settle_most_probable() };
-        let mut beside: Option<Beside> = None;
-        let mut left = MOST_JUDGED;
-        loop {
-            let Some(most) = self.most_probable_judged().cloned() else { break };
-            if beside.as_ref().is_none_or(|beside| beside.names != most.names) {
-                beside = self.judge_asked(&judge, &base, &most, &mut left)?;
-                if self.most_probable_judged().is_some_and(|now| now.names != most.names) {
-                    continue;
-                }
-            }
-            let Some((set, larger)) = self.next_to_judge().or_else(|| self.next_rival()) else { break };
-            if beside.as_ref().is_some_and(|beside| beside.rules_out(&set.names)) {
+        let Some(mut judgement) = judgement else { return self.settle_most_probable() };
+        while let Some((set, larger)) = self.next_to_judge().or_else(|| self.next_rival()) {
+            if self.is_ruled_out(&set.names) {
                 self.fitted.remove(&set.names);
                 continue;
             }
-            let Some(fewer) = left.checked_sub(1) else { break };
-            left = fewer;
+            let Some(fewer) = judgement.left.checked_sub(1) else { break };
+            judgement.left = fewer;
             progress(Progress {
-                share: 0.95 - 0.1 * left as f64 / MOST_JUDGED as f64,
+                share: 0.95 - 0.1 * fewer as f64 / MOST_JUDGED as f64,
                 doing: "comparing every sample",
             });
             let entered = entered(&set, None);
-            let Some(found) = DiagnosisError::possible(judge.beside(self, &set, &base, &entered))? else {
+            let Some(found) = DiagnosisError::possible(judgement.beside(self, &set, &entered))? else {
                 break;
             };
             self.set_judged(set, found, larger.as_deref());
+            self.judge_asked_for(&mut judgement)?;
         }
         self.forget_what_was_not_judged();
         self.settle_most_probable()
     }
 
-    /// Of the sets that were judged the most probable one.
-    fn most_probable_judged(&self) -> Option<&Converged> {
-        let judged = self.admissible().filter(|set| set.judged.is_some());
-        judged.max_by(|a, b| a.log_posterior().total_cmp(&b.log_posterior()))
-    }
-
-    /// Judges a set with each effect more that the samples ask for; what they say beside it.
-    fn judge_asked(
-        &mut self,
-        judge: &Judge<'_>,
-        base: &Alone,
-        set: &Converged,
-        left: &mut usize,
-    ) -> Result<Option<Beside>, DiagnosisError> {
-        let Some(judged) = &set.judged else { return Ok(None) };
-        let beside =
-            DiagnosisError::possible(self.beside(&set.names, &judged.fit, judge.training))?.flatten();
-        if set.names.len() >= MOST_EFFECTS {
-            return Ok(beside);
-        }
-        for asked in beside.iter().flat_map(Beside::asked) {
-            let Some(fewer) = left.checked_sub(1) else { break };
-            let Some(larger) = self.with_effect(set, asked.id)?.filter(|set| set.judged.is_none()) else {
-                continue;
-            };
-            *left = fewer;
-            let entered = entered(&larger, Some(&asked));
-            if let Some(found) = DiagnosisError::possible(judge.beside(self, &larger, base, &entered))? {
-                self.set_asked(larger, found);
+    /// Judges sets with an effect more that the samples ask for beside the most probable set that was judged, until none of them is more
+    /// probable.
+    fn judge_asked_for(&mut self, judgement: &mut Judgement<'_>) -> Result<(), DiagnosisError> {
+        while let Some(most) = self.most_probable_judged().cloned() {
+            if self.besides.iter().any(|beside| beside.names == most.names) {
+                break;
+            }
+            let Some(fit) = most.judged.as_ref().map(|judged| &judged.fit) else { break };
+            let beside = DiagnosisError::possible(self.beside(&most, fit, judgement.judge.training))?;
+            let Some(beside) = beside.flatten() else { break };
+            let asked = beside.asked();
+            self.besides.push(beside);
+            for asked in asked.iter().filter(|_| most.names.len() < MOST_EFFECTS) {
+                let Some(fewer) = judgement.left.checked_sub(1) else { break };
+                let larger = self.with_effect(&most, asked.id)?.filter(|set| set.judged.is_none());
+                let Some(larger) = larger.filter(|set| !self.is_ruled_out(&set.names)) else { continue };
+                judgement.left = fewer;
+                let entered = entered(&larger, Some(asked));
+                if let Some(found) = DiagnosisError::possible(judgement.beside(self, &larger, &entered))? {
+                    self.set_asked(larger, found);
+                }
             }
         }
-        Ok(beside)
+        Ok(())
+    }
+
+    /// Of the sets that were judged the most probable one.
+    pub(crate) fn most_probable_judged(&self) -> Option<&Converged> {
+        let judged = self.admissible().filter(|set| set.judged.is_some());
+        judged.max_by(|a, b| a.log_posterior().total_cmp(&b.log_posterior()))
     }
 
     /// What bins did not propose is as sure as the samples say.
@@ -230,54 +236,6 @@ impl Judge<'_> {
         Ok((Alone { fit: judged_fit(refit, fitted), shown, held_out }, found))
     }
 
-    /// How likely a set beside them makes all recordings at its own likeliest values.
-    fn beside(
-        &self,
-        search: &Search<'_>,
-        set: &Converged,
-        alone: &Alone,
-        entered: &BTreeMap<&'static str, Entered>,
-    ) -> Result<Judged, DiagnosisError> {
-        let mut refit = Refit::own(&search.problem.reference, &self.available);
-        let own = alone.fit.fitted.at.iter().zip(&alone.shown).take(refit.columns.len());
-        refit.keep(&alone.shown);
-        for effect in set.names.iter().filter_map(|id| effect(id)) {
-            refit.add(effect, &set.point, entered.get(effect.info().id));
-        }
-        // As the search found them; with the platform's own parameters where they are alone; and those without any effect, which is
-        // as likely as the platform alone.
-        let found = refit.units_of(&set.point);
-        let mut beside = found.clone();
-        let shown = own.filter(|(_, shown)| **shown);
-        let mut counted = 0;
-        for (from, (alone, _)) in beside.iter_mut().zip(shown) {
-            *from = *alone;
-            counted += 1;
-        }
-        let mut without = beside.clone();
-        without.iter_mut().skip(counted).for_each(|units| *units = 0.0);
-        let rival = Rival {
-            followed: &alone.fit.fitted.followed,
-            log_posterior_needed: alone.fit.fitted.log_posterior - log_prior(&set.names),
-        };
-        let fitted = self.likeliest(&refit, &[found, beside, without], rival)?;
-        // Where nothing is gained held-out recordings say nothing of it.
-        let gains = fitted.log_posterior > alone.fit.fitted.log_posterior;
-        let likelihoods = if gains {
-            likelihoods(&fitted, &self.follow_held_out(&refit, &fitted.at, &alone.held_out)?)
-        } else {
-            likelihoods(&fitted, &alone.held_out)
-        };
-        // How many deviations an effect is from none.
-        let distance = |id: &str| {
-            let own =
-                refit.columns.iter().enumerate().filter(|(_, column)| column.group == id && !column.is_shape);
-            own.map(|(i, _)| fitted.at[i].abs() / fitted.covariance[(i, i)].sqrt()).fold(0.0, f64::max)
-        };
-        let weakest = set.names.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).cloned();
-        Ok(Judged { likelihoods, weakest, fit: judged_fit(refit, fitted) })
-    }
-
     fn likeliest(
         &self,
         refit: &Refit<'_>,
@@ -309,6 +267,56 @@ impl Judge<'_> {
             Ok(before.map_or_else(|| follow(&case, &stated), |before| follow_again(&case, &stated, before)))
         };
         crate::threads::map(self.threads, &runs, tried).into_iter().collect()
+    }
+}
+
+impl Judgement<'_> {
+    /// How likely a set beside them makes all recordings at its own likeliest values.
+    fn beside(
+        &self,
+        search: &Search<'_>,
+        set: &Converged,
+        entered: &BTreeMap<&'static str, Entered>,
+    ) -> Result<Judged, DiagnosisError> {
+        let (judge, alone) = (&self.judge, &self.base);
+        let mut refit = Refit::own(&search.problem.reference, &judge.available);
+        let own = alone.fit.fitted.at.iter().zip(&alone.shown).take(refit.columns.len());
+        refit.keep(&alone.shown);
+        for effect in set.names.iter().filter_map(|id| effect(id)) {
+            refit.add(effect, &set.point, entered.get(effect.info().id));
+        }
+        // As the search found them; with the platform's own parameters where they are alone; and those without any effect, which is
+        // as likely as the platform alone.
+        let found = refit.units_of(&set.point);
+        let mut beside = found.clone();
+        let shown = own.filter(|(_, shown)| **shown);
+        let mut counted = 0;
+        for (from, (alone, _)) in beside.iter_mut().zip(shown) {
+            *from = *alone;
+            counted += 1;
+        }
+        let mut without = beside.clone();
+        without.iter_mut().skip(counted).for_each(|units| *units = 0.0);
+        let rival = Rival {
+            followed: &alone.fit.fitted.followed,
+            log_posterior_needed: alone.fit.fitted.log_posterior - log_prior(&set.names),
+        };
+        let fitted = judge.likeliest(&refit, &[found, beside, without], rival)?;
+        // Where nothing is gained held-out recordings say nothing of it.
+        let gains = fitted.log_posterior > alone.fit.fitted.log_posterior;
+        let likelihoods = if gains {
+            likelihoods(&fitted, &judge.follow_held_out(&refit, &fitted.at, &alone.held_out)?)
+        } else {
+            likelihoods(&fitted, &alone.held_out)
+        };
+        // How many deviations an effect is from none.
+        let distance = |id: &str| {
+            let own =
+                refit.columns.iter().enumerate().filter(|(_, column)| column.group == id && !column.is_shape);
+            own.map(|(i, _)| fitted.at[i].abs() / fitted.covariance[(i, i)].sqrt()).fold(0.0, f64::max)
+        };
+        let weakest = set.names.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).cloned();
+        Ok(Judged { likelihoods, weakest, fit: judged_fit(refit, fitted) })
     }
 }
 

@@ -3,14 +3,14 @@
 pub(crate) mod beginnings;
 pub(crate) mod climb;
 pub(crate) mod converge;
-mod judge;
+pub(crate) mod judge;
 pub(crate) mod latency;
 pub(crate) mod nameless;
 pub(crate) mod prior;
 pub(crate) mod proposals;
 pub(crate) mod prospect;
 pub(crate) mod rest;
-mod sampled;
+pub(crate) mod sampled;
 pub(crate) mod standing;
 pub(crate) mod step;
 mod unmodelled;

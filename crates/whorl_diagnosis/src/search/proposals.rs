@@ -12,9 +12,11 @@ use crate::explanations::lines::{CERTAIN, Lines};
 use crate::explanations::place::Place;
 use crate::parameters::Point;
 use crate::parameters::available::Available;
+use crate::search::judge::{Judge, Judgement};
 use crate::search::latency::Lateness;
 use crate::search::prior::log_prior;
 use crate::search::rest::{rest, worst};
+use crate::search::sampled::Beside;
 use crate::search::standing::{Converged, Fitted};
 use crate::search::step::{NO_FIT, base_point_with, dataset, regression_at};
 use crate::{DiagnosisError, Options, Progress};
@@ -65,6 +67,8 @@ pub(crate) struct Search<'a> {
     pub best: Hypothesis,
     /// Sets that were fitted, each where it fits best.
     pub fitted: Fitted,
+    /// What the samples say beside sets that were judged.
+    pub besides: Vec<Beside>,
     /// The best set with an inertial latency.
     pub late: Option<Lateness>,
 }
@@ -119,6 +123,7 @@ impl<'a> Search<'a> {
             best: base.clone(),
             base,
             fitted: Fitted::new(),
+            besides: Vec::new(),
             late: None,
         })
     }
@@ -186,12 +191,21 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// Weighs the base model, then sets near the best one until none of them is better; ends at the most probable set.
-    pub fn run(&mut self, progress: &mut dyn FnMut(Progress)) -> Result<(), DiagnosisError> {
+    /// Weighs the base model and what the samples ask for, then sets near the best one until none of them is better; ends at the most
+    /// probable set. What the samples rule out is not fitted. `None` where no filter can be run on the samples.
+    pub fn run<'j>(
+        &mut self,
+        judge: Judge<'j>,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Option<Judgement<'j>>, DiagnosisError> {
         self.open_hidden(progress)?;
         let base = self.base.clone();
         self.best = base.clone();
         self.weigh_base(&base)?;
+        let judgement = self.judge_first(judge, progress)?;
+        if let Some(most) = self.most_probable_judged().filter(|most| !most.names.is_empty()).cloned() {
+            self.settle(most)?;
+        }
         for round in 0..MOST_ROUNDS {
             progress(Progress { share: 0.6 + 0.05 * round as f64, doing: "comparing explanations" });
             let proposals = self.proposals(round == 0);
@@ -223,7 +237,8 @@ impl<'a> Search<'a> {
                 None => break,
             }
         }
-        self.settle_most_probable()
+        self.settle_most_probable()?;
+        Ok(judgement)
     }
 
     /// The most probable set, if it is more probable than the present best one and than each smaller one that it holds, fitted
@@ -308,11 +323,12 @@ impl<'a> Search<'a> {
         // What adds nothing loses by little more than its prior, and there are dozens of such.
         let window =
             |h: &Hypothesis| if h.members.len() > self.best.members.len() { NOTHING_ADDED } else { WINDOW };
-        all.retain(|h| is_new(h) && weight(h) > leading - window(h));
+        let is_open = |h: &Hypothesis| is_new(h) && !self.is_ruled_out(&h.names(&self.layout));
+        all.retain(|h| weight(h) > leading - window(h) && is_open(h));
         all.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
         let mut names: Vec<Vec<String>> = Vec::new();
         let mut chosen: Vec<Hypothesis> = Vec::new();
-        rivals.retain(is_new);
+        rivals.retain(is_open);
         for h in all.into_iter().take(MOST_PROPOSALS).chain(rivals) {
             let own = h.names(&self.layout);
             if !names.contains(&own) {

@@ -54,8 +54,10 @@ pub(crate) struct Beside {
     offered: Vec<Offered>,
     columns: Vec<Column>,
     stddevs: Vec<f64>,
-    /// Log evidence without any of them.
+    /// Log evidence of the sums without any of them.
     without: f64,
+    /// Log posterior of the set as it was judged, up to the constant of all sets.
+    log_posterior: f64,
 }
 
 impl Beside {
@@ -79,9 +81,9 @@ impl Beside {
         asked
     }
 
-    /// Whether a set that holds this one, and effects besides that are linear in what the samples were asked for, is not worth a
-    /// mention beside it.
-    pub fn rules_out(&self, names: &[String]) -> bool {
+    /// Whether a set is not worth a mention beside one of this log posterior: if it holds the set that the samples were asked about,
+    /// and besides only effects that are linear in what they were asked for. Far from an optimum sums may promise half.
+    fn rules_out(&self, names: &[String], most: f64) -> bool {
         let is_own = |name: &String| self.names.contains(name);
         if names.len() <= self.names.len() || !self.names.iter().all(|name| names.contains(name)) {
             return false;
@@ -94,8 +96,10 @@ impl Beside {
         };
         let columns: Vec<usize> = offered.iter().flat_map(|effect| effect.columns.iter().copied()).collect();
         let Some((gain, ..)) = self.gain_of(&columns) else { return false };
-        let promise = gain - self.without + log_prior(names) - log_prior(&self.names);
-        promise < WORTH_MENTIONING.ln()
+        let gain = gain - self.without;
+        let most_gained = if gain > WINDOW { 2.0 * gain } else { gain };
+        let promise = most_gained + log_prior(names) - log_prior(&self.names);
+        self.log_posterior + promise < most + WORTH_MENTIONING.ln()
     }
 
     /// Log evidence with more columns, at the size that is likeliest, and those with which they enter: what would have values that no
@@ -129,13 +133,20 @@ impl Beside {
 }
 
 impl Search<'_> {
+    /// Whether the samples leave a set too little to be worth a mention beside the most probable one that was judged.
+    pub(crate) fn is_ruled_out(&self, names: &[String]) -> bool {
+        let Some(most) = self.most_probable_judged().map(Converged::log_posterior) else { return false };
+        self.besides.iter().any(|beside| beside.rules_out(names, most))
+    }
+
     /// What the samples say beside a set that was fitted to them.
     pub(crate) fn beside(
         &self,
-        names: &[String],
+        set: &Converged,
         fit: &JudgedFit,
         training: &[Recording],
     ) -> Result<Option<Beside>, DiagnosisError> {
+        let names = &set.names;
         let mut refit = fit.refit(&self.problem.reference);
         let mut at = fit.fitted.at.clone();
         let own: Vec<usize> = (0..at.len()).collect();
@@ -153,7 +164,8 @@ impl Search<'_> {
         let known = |i: usize| refit.stddevs[i].powi(2);
         let Some(without) = Estimate::new(&normal, &own, known) else { return Ok(None) };
         Ok(Some(Beside {
-            names: names.to_vec(),
+            names: names.clone(),
+            log_posterior: set.log_posterior(),
             own,
             offered,
             without: without.log_evidence,
