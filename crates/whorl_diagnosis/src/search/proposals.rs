@@ -229,7 +229,7 @@ impl<'a> Search<'a> {
                     self.settle(converged)?;
                 }
                 // With no such noise as is likeliest beside the base model, other effects may come near.
-                None if round == 0 && self.problem.nuisance != Nuisance::default() => {
+                None if round == 0 && judgement.is_none() && self.problem.nuisance != Nuisance::default() => {
                     let mut quiet = self.fitted(&self.base).cloned().ok_or(NO_FIT)?;
                     quiet.standing.nuisance = Nuisance::default();
                     self.settle(quiet)?;

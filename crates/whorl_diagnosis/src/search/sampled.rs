@@ -13,7 +13,7 @@ use whorl_recording::Recording;
 use crate::DiagnosisError;
 use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::hypothesis::{Hypothesis, Member};
-use crate::parameters::{Column, is_base};
+use crate::parameters::Column;
 use crate::refit::{Entered, Refit};
 use crate::search::Search;
 use crate::search::prior::log_prior;
@@ -54,6 +54,8 @@ pub(crate) struct Beside {
     offered: Vec<Offered>,
     columns: Vec<Column>,
     stddevs: Vec<f64>,
+    /// Where each is, in units of its deviation.
+    at: Vec<f64>,
     /// Log evidence of the sums without any of them.
     without: f64,
     /// Log posterior of the set as it was judged, up to the constant of all sets.
@@ -107,19 +109,32 @@ impl Beside {
     fn gain_of(&self, further: &[usize]) -> Option<(f64, f64, Vec<usize>)> {
         let known = |i: usize| self.stddevs[i].powi(2);
         let with = |entered: &[usize], size: f64| {
-            let all: Vec<usize> = self.own.iter().chain(entered).copied().collect();
-            let variance = |i: usize| if i < self.own.len() { known(i) } else { known(i) * size * size };
-            Estimate::new(&self.normal, &all, variance)
+            let is_own = |i: &&usize| **i < self.own.len();
+            let all: Vec<usize> =
+                self.own.iter().chain(entered.iter().filter(|i| !is_own(i))).copied().collect();
+            let of_effect = |i: usize| known(i).max((size * self.columns[i].catalogue_stddev).powi(2));
+            let variance = |i: usize| if entered.contains(&i) { of_effect(i) } else { known(i) };
+            // What is far from what was known of the platform is pulled back less, and has cost less.
+            let mut normal = self.normal.clone();
+            let mut saved = 0.0;
+            for i in entered.iter().filter(is_own).copied() {
+                let less = known(i).recip() - of_effect(i).recip();
+                normal.vector[i] += less * self.at[i];
+                saved += 0.5 * less * self.at[i].powi(2);
+            }
+            Estimate::new(&normal, &all, variance).map(|found| (found.log_evidence + saved, found))
         };
         let mut best: Option<(f64, f64, Vec<usize>)> = None;
         for (size, price) in SIZES {
             let mut entered = further.to_vec();
             while !entered.is_empty() {
-                let Some(found) = with(&entered, size) else { break };
-                let is_possible =
-                    |i: &usize| (self.columns[*i].range.0..=self.columns[*i].range.1).contains(&found.of(*i));
+                let Some((log_evidence, found)) = with(&entered, size) else { break };
+                let is_possible = |i: &usize| {
+                    let (least, most) = self.columns[*i].range;
+                    (least..=most).contains(&(self.at[*i] + found.of(*i)))
+                };
                 if entered.iter().all(is_possible) {
-                    let gain = found.log_evidence + price;
+                    let gain = log_evidence + price;
                     if best.as_ref().is_none_or(|(most, ..)| gain > *most) {
                         best = Some((gain, size, entered.clone()));
                     }
@@ -152,10 +167,13 @@ impl Search<'_> {
         let own: Vec<usize> = (0..at.len()).collect();
         let mut offered = Vec::new();
         for candidate in &self.layout.candidates {
-            if is_base(candidate.id) || names.iter().any(|name| name == candidate.id) {
+            if names.iter().any(|name| name == candidate.id) {
                 continue;
             }
-            let columns = self.offer(&mut refit, &mut at, candidate.effect);
+            // What the platform has of it, wherever it may be, and the rest.
+            let is_of_it = |i: &usize| refit.columns[*i].group == candidate.id;
+            let mut columns: Vec<usize> = own.iter().copied().filter(is_of_it).collect();
+            columns.extend(self.offer(&mut refit, &mut at, candidate.effect));
             let specs = candidate.effect.parameters(&self.problem.reference.model);
             let is_linear = specs.iter().all(|spec| spec.known || spec.role == Role::Amplitude);
             offered.push(Offered { id: candidate.id, columns, is_linear });
@@ -171,6 +189,7 @@ impl Search<'_> {
             without: without.log_evidence,
             columns: refit.columns,
             stddevs: refit.stddevs,
+            at,
             normal,
         }))
     }
