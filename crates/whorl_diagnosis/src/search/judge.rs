@@ -21,7 +21,6 @@ use crate::search::Search;
 use crate::search::prior::log_prior;
 use crate::search::sampled::entered;
 use crate::search::standing::{Converged, Judged, JudgedFit, Likelihoods};
-use crate::verdict::posterior::WORTH_MENTIONING;
 use crate::{DiagnosisError, Progress};
 
 /// Sets that are judged at most, besides that of no effects.
@@ -29,10 +28,6 @@ const MOST_JUDGED: usize = 12;
 /// Effects that the samples may add one after the other to what bins propose.
 const MOST_EFFECTS: usize = 3;
 
-/// Recordings show a parameter if they leave it less than this share of its deviation: half a tenth of its information is theirs.
-const UNSHOWN: f64 = 0.975;
-/// Values stand when a step promises less than this (natural logarithm): a tenth of what is worth a mention.
-const STANDS_NATS: f64 = 0.3;
 /// Levels of noise are found anew so often at most. It bounds work: how far from the likeliest a fit may end by it was not measured.
 const ROUNDS: usize = 3;
 
@@ -125,7 +120,7 @@ impl Search<'_> {
 
     /// Of the sets that are not much less probable than the most probable one, the first that was not judged.
     fn next_rival(&self) -> Option<(Converged, Option<Vec<String>>)> {
-        let least = self.most_probable()?.log_posterior() + WORTH_MENTIONING.ln();
+        let least = self.most_probable()?.log_posterior() + self.options.settings.worth_mentioning.ln();
         let is_open =
             |set: &&Converged| set.judged.is_none() && !set.names.is_empty() && set.log_posterior() > least;
         let open = self.admissible().filter(is_open);
@@ -201,7 +196,7 @@ impl Judge<'_> {
         let held_out = self.follow_held_out(&refit, &fitted.at, &[])?;
         let found = likelihoods(&fitted, &held_out);
         let deviations = fitted.covariance.diagonal().map(f64::sqrt);
-        let shown = deviations.iter().map(|deviation| *deviation < UNSHOWN).collect();
+        let shown = deviations.iter().map(|deviation| *deviation < search.options.settings.unshown).collect();
         Ok((Alone { fit: judged_fit(refit, fitted), shown, held_out }, found))
     }
 
@@ -233,7 +228,8 @@ impl Judge<'_> {
         without.iter_mut().skip(counted).for_each(|units| *units = 0.0);
         let rival = Rival {
             followed: &alone.fit.fitted.followed,
-            log_posterior_needed: alone.fit.fitted.log_posterior - log_prior(&set.names),
+            log_posterior_needed: alone.fit.fitted.log_posterior
+                - log_prior(&set.names, &search.options.settings),
         };
         let fitted = self.likeliest(&refit, &[found, beside, without], rival)?;
         // Where nothing is gained held-out recordings say nothing of it.
@@ -261,7 +257,7 @@ impl Judge<'_> {
     ) -> Result<Fitted, DiagnosisError> {
         let settings = Settings {
             threads: self.threads,
-            fit_stands_nats: STANDS_NATS,
+            fit_stands_nats: refit.reference.settings.converged_nats,
             fit_rounds: ROUNDS,
             ..Settings::default()
         };

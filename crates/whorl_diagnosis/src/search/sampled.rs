@@ -12,18 +12,15 @@ use whorl_recording::Recording;
 
 use crate::DiagnosisError;
 use crate::evidence::regression::{Estimate, Normal};
-use crate::explanations::hypothesis::{Hypothesis, Member};
+use crate::explanations::hypothesis::{Hypothesis, Member, rarity_nats};
 use crate::parameters::{Column, is_base};
 use crate::refit::{Entered, Refit};
 use crate::search::Search;
 use crate::search::prior::log_prior;
 use crate::search::standing::{Converged, JudgedFit};
 
-/// Prior sizes that are tried, in units of the catalogue's, and what each costs (natural logarithm): a hundred times is as rare as in
-/// the search.
-const SIZES: [(f64, f64); 3] = [(1.0, 0.0), (10.0, 0.0), (100.0, -4.6)];
-/// Effects that promise less than the best one by this are not looked at (natural logarithm), as in the search.
-const WINDOW: f64 = 10.0;
+/// Prior sizes that are tried, in units of the catalogue's.
+const SIZES: [f64; 3] = [1.0, 10.0, 100.0];
 /// Effects that are looked at at most.
 const MOST_ASKED: usize = 3;
 
@@ -67,15 +64,15 @@ impl Search<'_> {
         let mut asked: Vec<Asked> = offered
             .iter()
             .filter_map(|effect| {
-                let (gain, size, columns) = gain_of(&normal, &own, &known, effect, &refit.columns)?;
-                let promise = gain - without.log_evidence + log_prior(&[effect.id]);
+                let (gain, size, columns) = gain_of(&normal, &own, &known, effect, &refit)?;
+                let promise = gain - without.log_evidence + log_prior(&[effect.id], &self.options.settings);
                 let indices = columns.iter().map(|i| refit.columns[*i].index).collect();
                 Some(Asked { id: effect.id, entered: Entered { indices, size }, promise })
             })
             .filter(|asked| asked.promise > 0.0)
             .collect();
         asked.sort_by(|a, b| b.promise.total_cmp(&a.promise));
-        let least = asked.first().map_or(0.0, |best| best.promise - WINDOW);
+        let least = asked.first().map_or(0.0, |best| best.promise - self.options.settings.window_nats);
         asked.retain(|one| one.promise >= least);
         asked.truncate(MOST_ASKED);
         Ok(asked)
@@ -144,21 +141,23 @@ fn gain_of(
     own: &[usize],
     known: &impl Fn(usize) -> f64,
     effect: &Offered,
-    columns: &[Column],
+    refit: &Refit<'_>,
 ) -> Option<(f64, f64, Vec<usize>)> {
+    let columns = &refit.columns;
     let with = |entered: &[usize], size: f64| {
         let all: Vec<usize> = own.iter().chain(entered).copied().collect();
         let variance = |i: usize| if i < own.len() { known(i) } else { known(i) * size * size };
         Estimate::new(normal, &all, variance)
     };
     let mut best: Option<(f64, f64, Vec<usize>)> = None;
-    for (size, price) in SIZES {
+    for size in SIZES {
+        let price = rarity_nats(size, &refit.reference.settings);
         let mut entered = effect.columns.clone();
         while !entered.is_empty() {
             let Some(found) = with(&entered, size) else { break };
             let is_possible = |i: &usize| (columns[*i].range.0..=columns[*i].range.1).contains(&found.of(*i));
             if entered.iter().all(is_possible) {
-                let gain = found.log_evidence + price;
+                let gain = found.log_evidence - price;
                 if best.as_ref().is_none_or(|(most, ..)| gain > *most) {
                     best = Some((gain, size, entered.clone()));
                 }

@@ -19,9 +19,8 @@ use crate::search::Search;
 use crate::search::prior::{is_no_echo, log_prior, smaller_sets};
 use crate::search::step::NO_FIT;
 
-/// What a fit may still gain: so many times what its next step promises, and this much log evidence. Steps promise
-/// what straight formulas would bring, and formulas bend.
-pub(crate) const SURPRISE: (f64, f64) = (4.0, 3.0);
+/// What a fit may still gain, over what its next step promises: steps promise what straight formulas would bring, and formulas bend.
+pub(crate) const BENT: f64 = 4.0;
 
 /// How a set explains the data at its own point.
 #[derive(Debug, Clone, Copy)]
@@ -48,8 +47,8 @@ pub(crate) struct Standing {
 impl Standing {
     /// What it is worth to believe: a fit that ended before its minimum is given what its next step promised, as far as
     /// straight formulas can be trusted.
-    pub fn worth(&self) -> f64 {
-        self.log_evidence + (0.5 * self.promise).min(SURPRISE.1)
+    pub fn worth(&self, settings: &crate::Settings) -> f64 {
+        self.log_evidence + (0.5 * self.promise).min(settings.doubt_nats)
     }
 
     fn likelihoods(&self) -> Likelihoods {
@@ -178,7 +177,8 @@ impl Converged {
 
     /// Log posterior, up to a constant.
     pub fn log_posterior(&self) -> f64 {
-        self.standing.worth() + log_prior(&self.names)
+        let settings = &self.layout.settings;
+        self.standing.worth(settings) + log_prior(&self.names, settings)
     }
 }
 
@@ -236,7 +236,7 @@ impl Search<'_> {
         let smaller = smaller_sets(&set.names).chain([Vec::new()]);
         let explains = |names: Vec<String>| self.fitted.get(&names).is_none_or(|s| set.explains_more(s));
         smaller.into_iter().all(explains)
-            && is_no_echo(&set.names, set.standing.log_evidence, |names| {
+            && is_no_echo(&set.names, set.standing.log_evidence, &self.options.settings, |names| {
                 standing(names).map(|s| s.log_evidence)
             })
     }

@@ -11,7 +11,7 @@ use nalgebra::DVector;
 use whorl_dynamics::effects::{BasePrior, Role};
 
 use crate::DiagnosisError;
-use crate::evidence::discrepancy::{Discrepancy, RELATIVE_ERRORS, Signal};
+use crate::evidence::discrepancy::{Discrepancy, Signal};
 use crate::evidence::problem::{Dataset, Problem, Trust};
 use crate::evidence::regression::Normal;
 use crate::explanations::candidates::Layout;
@@ -75,7 +75,8 @@ impl Problem {
     pub(crate) fn discrepancy(&self, data: &Dataset, point: &Point, layout: &Layout) -> Discrepancy {
         let node_s: Vec<f64> = self.runs.iter().map(crate::layout::run::Run::node_s).collect();
         let signals = self.signals(point, layout);
-        Discrepancy::new(&data.whitened, &node_s, &signals, layout.columns.len(), self.threads)
+        let block_s = self.reference.settings.model_discrepancy_s;
+        Discrepancy::new(&data.whitened, &node_s, &signals, layout.columns.len(), block_s, self.threads)
     }
 
     /// The normal equations of a regression with errors of formulas of this relative size integrated out, and what the
@@ -147,15 +148,16 @@ impl Search<'_> {
             None => None,
         };
         let both = Both { set: &set, of_data, held };
+        let discrepancies = &self.options.settings.model_discrepancies;
         let standings: Vec<Standing> =
-            RELATIVE_ERRORS.iter().filter_map(|error| self.standing_with(&both, *error)).collect();
+            discrepancies.iter().filter_map(|error| self.standing_with(&both, *error)).collect();
         let Some(best) = standings.iter().copied().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
         else {
             return Ok(None);
         };
         // Each error is as likely as the others.
         let sum: f64 = standings.iter().map(|s| (s.log_evidence - best.log_evidence).exp()).sum();
-        let choices = (RELATIVE_ERRORS.len() as f64).ln();
+        let choices = (discrepancies.len() as f64).ln();
         let standing = Standing {
             log_evidence: best.log_evidence + sum.ln() - choices + problem.log_prior(set.nuisance),
             ..best
