@@ -34,8 +34,8 @@ mod verdict;
 mod whitening;
 
 pub use diagnosis::{
-    BackgroundTorque, Candidate, Diagnosis, Explanation, NextManoeuvre, NoiseScale, ParameterEstimate,
-    SCHEMA, SlowResidual, Unknown, Verdict,
+    BackgroundTorque, Candidate, Diagnosis, Explanation, FittedSet, NextManoeuvre, NoiseScale,
+    ParameterEstimate, ParameterOfSet, SCHEMA, SlowResidual, Unknown, Verdict,
 };
 pub use directions::{Direction, Directions, Measured, Suspect, directions};
 pub use error::DiagnosisError;

@@ -92,7 +92,6 @@ macro_rules! settings {
     ($($(#[doc = $doc:literal])+ $name:ident: $kind:ty = $default:expr, $allowed:expr;)+) => {
         /// Every number that a verdict depends on and that somebody chose. `whorl diagnose --settings` prints them.
         #[derive(Debug, Clone, Copy, PartialEq)]
-        #[non_exhaustive]
         pub struct Settings {
             $($(#[doc = $doc])+ pub $name: $kind,)+
         }

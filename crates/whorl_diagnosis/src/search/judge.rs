@@ -163,7 +163,7 @@ impl Search<'_> {
     /// Beside sets that were judged none is believed that was not: bins may promise more than the samples hold.
     fn forget_what_was_not_judged(&mut self) {
         while let Some((set, _)) = self.next_rival() {
-            self.fitted.remove(&set.names);
+            self.forget(&set.names);
         }
     }
 

@@ -1,8 +1,11 @@
 //! Which sets of explanations come near the best one: proposals from a regression of all effects, each fitted and weighed
 //! where it fits best. The search only proposes; what is believed follows from the weights ([`crate::verdict::posterior`]).
 
+use std::collections::BTreeMap;
+
 use whorl_dynamics::effects::Rhythm;
 
+use crate::diagnosis::FittedSet;
 use crate::evidence::colour::Colours;
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::{Dataset, Problem, Trust};
@@ -49,6 +52,10 @@ pub(crate) struct Search<'a> {
     pub best: Hypothesis,
     /// Sets that were fitted, each where it fits best.
     pub fitted: Fitted,
+    /// Log evidence in bins of each of them.
+    pub of_bins: BTreeMap<Vec<String>, f64>,
+    /// Sets that were fitted and are not compared any more.
+    pub forgotten: Vec<FittedSet>,
     /// The best set with an inertial latency.
     pub late: Option<Lateness>,
 }
@@ -103,6 +110,8 @@ impl<'a> Search<'a> {
             best: base.clone(),
             base,
             fitted: Fitted::new(),
+            of_bins: BTreeMap::new(),
+            forgotten: Vec::new(),
             late: None,
         })
     }

@@ -100,6 +100,8 @@ pub(crate) struct Converged {
     pub motions: Arc<Vec<Motion>>,
     pub layout: Layout,
     pub members: Vec<Member>,
+    /// Standard deviation of each column of the layout, in its units; 0 = it takes no part.
+    pub stddevs: Vec<f64>,
     /// Colours beside which it was weighed, of training runs
     pub colours: Colours,
     /// and of held-out ones.
@@ -199,7 +201,7 @@ impl Search<'_> {
             Hypothesis::of(&self.layout, &self.data.total, members).unwrap_or_else(|| self.base.clone());
         // What does not stand where it was fitted explains nothing.
         if self.best.names(&self.layout) != converged.names {
-            self.fitted.remove(&converged.names);
+            self.forget(&converged.names);
         }
         Ok(())
     }
@@ -221,7 +223,16 @@ impl Search<'_> {
         self.watch_latency(&converged.names, converged.standing.log_evidence, &converged.point);
         let known = self.fitted.get(&converged.names);
         if known.is_none_or(|known| converged.standing.log_evidence >= known.standing.log_evidence) {
+            self.of_bins.insert(converged.names.clone(), converged.standing.log_evidence);
             self.fitted.insert(converged.names.clone(), converged);
+        }
+    }
+
+    /// Compares a set no more.
+    pub(crate) fn forget(&mut self, names: &[String]) {
+        if let Some(set) = self.fitted.remove(names) {
+            let set = self.traced_set(&set, 0.0);
+            self.forgotten.push(set);
         }
     }
 

@@ -109,6 +109,7 @@ impl Search<'_> {
         let weighted = |set: &Converged| Weighted {
             effects: set.names.clone(),
             unknown: self.large_background(set),
+            is_law: false,
             log_posterior: set.log_posterior(),
             probability: 0.0,
         };
@@ -116,7 +117,7 @@ impl Search<'_> {
     }
 
     /// A slow random torque that is more than background: what the samples show beside a set, or bins where they were not asked.
-    fn large_background(&self, set: &Converged) -> Option<Unknown> {
+    pub(crate) fn large_background(&self, set: &Converged) -> Option<Unknown> {
         let of_bins = || self.problem.background(set.standing.nuisance).stddev_n_m;
         let stddev_n_m = set.judged.as_ref().map_or_else(of_bins, |judged| judged.fit.torque_n_m());
         self.problem.is_large_torque(stddev_n_m).then(|| Unknown::torque_in_time(stddev_n_m))
@@ -137,6 +138,7 @@ impl Search<'_> {
             all.push(Weighted {
                 effects: self.best.names(&self.layout),
                 unknown: Some(unknown),
+                is_law: true,
                 log_posterior: best + settings.unmodelled.ln() + log_evidence,
                 probability: 0.0,
             });
@@ -175,6 +177,7 @@ impl Search<'_> {
                     log_posterior: law.log_evidence + log_prior(&law.beside, settings),
                     effects: law.beside,
                     unknown: Some(law.unknown),
+                    is_law: true,
                     probability: 0.0,
                 }));
             }
@@ -306,6 +309,7 @@ impl Search<'_> {
         direct.extend(seen.rows);
         let contradiction = self.contradiction();
         let belief = self.belief(left, training)?;
+        let fitted = self.traced(&belief);
         let mut verdict = belief.verdict(self.could_have_seen());
         for row in &direct {
             remarks.push(format!(
@@ -394,6 +398,7 @@ impl Search<'_> {
             next: self.advice(verdict, &candidates),
             candidates,
             remarks,
+            fitted,
         })
     }
 

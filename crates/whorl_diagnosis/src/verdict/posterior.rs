@@ -9,6 +9,8 @@ pub(crate) struct Weighted {
     pub effects: Vec<String>,
     /// What it holds that has no name.
     pub unknown: Option<Unknown>,
+    /// A law beside a set, not a set that was fitted.
+    pub is_law: bool,
     /// Log posterior, up to a constant.
     pub log_posterior: f64,
     pub probability: f64,
@@ -36,6 +38,10 @@ pub(crate) struct Belief {
     pub nothing: f64,
     /// Probability that makes an answer.
     sure: f64,
+    /// Logarithm of the sum of all weights.
+    log_sum: f64,
+    /// Laws beside sets, likely or not, most probable first.
+    pub laws: Vec<Weighted>,
 }
 
 impl Belief {
@@ -46,8 +52,15 @@ impl Belief {
         };
         let unknown = sum(&|w| w.unknown.is_some());
         let nothing = sum(&|w| w.unknown.is_none() && w.effects.is_empty());
+        let log_sum = all.first().map_or(0.0, |most| most.log_posterior - most.probability.ln());
+        let laws = all.iter().filter(|w| w.is_law).cloned().collect();
         all.retain(|w| w.probability > settings.worth_mentioning);
-        Self { all, unknown, nothing, sure: settings.sure }
+        Self { all, unknown, nothing, sure: settings.sure, log_sum, laws }
+    }
+
+    /// Probability of an explanation with this log posterior.
+    pub fn probability(&self, log_posterior: f64) -> f64 {
+        (log_posterior - self.log_sum).exp()
     }
 
     /// The named sets, most probable first, that together with all else that is more probable make up what is sure.
@@ -93,6 +106,7 @@ mod tests {
         Weighted {
             effects: effects.iter().map(|e| (*e).to_owned()).collect(),
             unknown: None,
+            is_law: false,
             log_posterior: probability.ln(),
             probability: 0.0,
         }
