@@ -18,7 +18,7 @@ const WIDTH: usize = 110;
 pub fn as_yaml(settings: &Settings) -> String {
     let mut text = format!("{SECTION}:\n");
     for setting in settings.listed() {
-        for line in wrapped(&setting.doc) {
+        for line in wrapped(&format!("{} Allowed: {}.", setting.doc, setting.allowed)) {
             // Writing to a String cannot fail.
             let _ = writeln!(text, "  # {line}");
         }
@@ -94,7 +94,10 @@ mod tests {
         // Each stands below what it means.
         let lines: Vec<&str> = text.lines().collect();
         let at = lines.iter().position(|line| *line == "  sure: 0.95").unwrap();
-        assert_eq!(lines[at - 1], "  # Probability that makes an answer [1]. Convention.");
+        assert_eq!(
+            lines[at - 1],
+            "  # Probability that makes an answer [1]. Convention. Allowed: a number between 0 and 1."
+        );
     }
 
     #[test]

@@ -256,6 +256,19 @@ mod tests {
     }
 
     #[test]
+    fn the_table_of_the_method_is_that_of_the_settings() {
+        let row = |setting: &Setting| {
+            let values: Vec<String> = setting.values.iter().map(|value| format!("{value:?}")).collect();
+            format!("| `{}` | {} | {} |", setting.name, values.join(", "), setting.doc)
+        };
+        let rows: Vec<String> = Settings::default().listed().iter().map(row).collect();
+        let method = include_str!("../METHOD.md");
+        let section = method.split("\n## ").find(|part| part.starts_with("Settings\n")).unwrap();
+        let written: Vec<&str> = section.lines().filter(|line| line.starts_with("| `")).collect();
+        assert_eq!(written, rows, "write these rows into METHOD.md:\n{}", rows.join("\n"));
+    }
+
+    #[test]
     fn a_setting_is_changed_by_its_name_and_what_it_cannot_be_is_refused() {
         let mut settings = Settings::default();
         settings.set("sure", &[0.9]).unwrap();
