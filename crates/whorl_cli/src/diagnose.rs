@@ -2,13 +2,15 @@
 
 use std::path::PathBuf;
 
-use whorl_commands::diagnose::{as_json, with_next};
+use whorl_commands::diagnose::{as_json, as_lines, with_next};
+use whorl_commands::runs::write;
+use whorl_commands::settings::as_yaml;
 use whorl_commands::tables::write_diagnosis;
-use whorl_diagnosis::Diagnosis;
+use whorl_diagnosis::{Diagnosis, Settings};
 use whorl_math::three_digits;
 
 use crate::explain::{ExplainArguments, SearchArguments};
-use crate::output::say;
+use crate::output::{say, text};
 use crate::progress;
 use crate::table::print;
 
@@ -26,10 +28,20 @@ pub struct Arguments {
     /// one table.
     #[arg(long, value_name = "DIR")]
     parquet: Option<PathBuf>,
+    /// Writes every set of effects that was fitted, one JSON object a line: parameters, log evidence, prior, probability.
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
+    /// Prints every number that a verdict depends on, with its meaning and source, and ends.
+    #[arg(long, exclusive = true)]
+    settings: bool,
 }
 
 /// Carries out `whorl diagnose`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    if arguments.settings {
+        text(&as_yaml(&Settings::default()));
+        return Ok(());
+    }
     let runs = progress::during("reading the runs", || arguments.explain.runs.read())?;
     let options = arguments.search.options()?;
     let found = progress::watched("diagnosing", |say| with_next(&runs, &options, say))?;
@@ -42,6 +54,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         say!("note: {remark}");
     }
     arguments.explain.write_json(|| as_json(&found))?;
+    if let Some(path) = &arguments.trace {
+        write(path, &as_lines(&found.diagnosis.fitted)?)?;
+        say!("\nsets that were fitted: {}", path.display());
+    }
     if let Some(folder) = &arguments.parquet {
         let of: Vec<&str> = runs.training.iter().map(|run| run.name.as_str()).collect();
         let table = write_diagnosis(&as_json(&found)?, &runs.known.platform, &of, folder)?;

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use anyhow::bail;
 use serde::Serialize;
 use whorl_commands::options;
-use whorl_diagnosis::Options;
+use whorl_commands::settings::read;
+use whorl_diagnosis::{Options, Settings};
 use whorl_dynamics::effects::find;
 
 use crate::effects::unknown;
@@ -38,6 +39,9 @@ pub struct SearchArguments {
     /// Effect to exclude, by its id; may be given several times.
     #[arg(long, value_name = "EFFECT")]
     exclude: Vec<String>,
+    /// For experts: other numbers than those that `whorl diagnose --settings` prints, in a file of that form.
+    #[arg(long, value_name = "FILE", hide = true)]
+    settings_file: Option<PathBuf>,
 }
 
 impl SearchArguments {
@@ -46,6 +50,12 @@ impl SearchArguments {
         if let Some(id) = self.exclude.iter().find(|id| find(id).is_none()) {
             bail!("--exclude: {}", unknown(id));
         }
-        Ok(Options { exclude: self.exclude.clone(), ..options() })
+        let settings = self.settings()?;
+        Ok(Options { exclude: self.exclude.clone(), settings, ..options() })
+    }
+
+    /// Numbers that the verdict depends on.
+    pub fn settings(&self) -> anyhow::Result<Settings> {
+        self.settings_file.as_deref().map_or_else(|| Ok(Settings::default()), read)
     }
 }

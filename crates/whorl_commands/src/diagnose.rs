@@ -1,6 +1,6 @@
 //! Answers of `diagnose` as data.
 
-use whorl_diagnosis::Options;
+use whorl_diagnosis::{FittedSet, Options};
 use whorl_explain::{ExplainError, Explanation, Say, diagnose};
 
 use crate::next;
@@ -18,6 +18,19 @@ pub fn with_next(runs: &Runs, options: &Options, say: &mut Say<'_>) -> Result<Ex
     }
     found.diagnosis.remarks.extend(runs.gaps());
     Ok(found)
+}
+
+/// Every set that was fitted, one JSON object a line ([`whorl_diagnosis::FittedSet`]), most probable first.
+///
+/// # Errors
+/// When a number cannot be serialised.
+pub fn as_lines(fitted: &[FittedSet]) -> anyhow::Result<String> {
+    let mut text = String::new();
+    for set in fitted {
+        text.push_str(&serde_json::to_string(set)?);
+        text.push('\n');
+    }
+    Ok(text)
 }
 
 /// The diagnosis, with the prediction error of each version of the model.

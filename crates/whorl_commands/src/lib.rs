@@ -37,6 +37,7 @@ pub mod provenance;
 mod rehearsal;
 pub mod report;
 pub mod runs;
+pub mod settings;
 pub mod shapes;
 pub mod simulate;
 pub mod tables;

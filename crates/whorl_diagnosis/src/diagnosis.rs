@@ -111,6 +111,50 @@ pub struct Explanation {
     pub probability: f64,
 }
 
+/// A parameter of a set that was fitted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ParameterOfSet {
+    /// Effect id; `mass_properties` for the moments of inertia.
+    pub group: String,
+    /// Name within the group.
+    pub name: String,
+    /// Unit, "1" for none.
+    pub unit: String,
+    /// Value with the set.
+    pub value: f64,
+    /// Standard deviation; `None` where the parameter had no column of its own.
+    pub stddev: Option<f64>,
+}
+
+/// A set of explanations that was fitted, with what it was found to be worth. Logarithms are natural; each is up to a constant that all
+/// sets of a diagnosis share.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FittedSet {
+    /// Effects of the catalogue that it holds; empty for none.
+    pub effects: Vec<String>,
+    /// What it also holds that has no name: a law beside the effects, or a slow random torque that is no background.
+    pub unmodelled: Option<Unknown>,
+    /// What was fitted, and where; the platform's own parameters among it. Empty for a law without a name.
+    pub parameters: Vec<ParameterOfSet>,
+    /// Log evidence that it is believed with.
+    pub log_evidence: f64,
+    /// Log evidence of bins of a smoothed motion; `None` for a set that only the samples proposed, and for laws.
+    pub log_evidence_bins: Option<f64>,
+    /// Log evidence of the training runs' samples, values integrated out; `None` where these were not asked.
+    pub log_evidence_samples: Option<f64>,
+    /// Log likelihood that held-out runs gain over the platform's own parameters alone; `None` without any.
+    pub held_out_gain: Option<f64>,
+    /// Log prior odds against no effect.
+    pub log_prior: f64,
+    /// Log posterior.
+    pub log_posterior: f64,
+    /// Posterior probability, 0 to 1; 0 for a set that may not be believed: it does not lower the error, or was not judged
+    /// on the samples beside sets that were.
+    pub probability: f64,
+    /// Whether the samples were asked.
+    pub judged_on_samples: bool,
+}
+
 /// Slow random torque that was found beside what is explained.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct BackgroundTorque {
@@ -195,6 +239,9 @@ pub struct Diagnosis {
     /// one sentence each.
     #[serde(default)]
     pub remarks: Vec<String>,
+    /// Every set that was fitted, most probable first; no part of the JSON of a diagnosis.
+    #[serde(skip)]
+    pub fitted: Vec<FittedSet>,
 }
 
 /// Rivals of an explanation that nothing speaks against.
@@ -236,6 +283,7 @@ impl Diagnosis {
             odd_runs: Vec::new(),
             next: None,
             remarks: Vec::new(),
+            fitted: Vec::new(),
         }
     }
     /// The sets of effects that a further run should tell apart: those that are left, or where nothing is in doubt the

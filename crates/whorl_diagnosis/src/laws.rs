@@ -331,7 +331,7 @@ impl LawBench {
             };
             let found = search.converge(&start)?.map(|c| Weighed {
                 effects: set.clone(),
-                log_evidence: c.standing.worth(),
+                log_evidence: c.standing.worth(&options.settings),
                 log_likelihood: c.standing.log_likelihood,
                 held_log_likelihood: c.standing.held_log_likelihood,
                 values: set

@@ -26,6 +26,7 @@ mod options;
 mod parameters;
 mod refit;
 mod search;
+mod settings;
 #[cfg(test)]
 mod tests;
 mod threads;
@@ -33,16 +34,16 @@ mod verdict;
 mod whitening;
 
 pub use diagnosis::{
-    BackgroundTorque, Candidate, Diagnosis, Explanation, NextManoeuvre, NoiseScale, ParameterEstimate,
-    SCHEMA, SlowResidual, Unknown, Verdict,
+    BackgroundTorque, Candidate, Diagnosis, Explanation, FittedSet, NextManoeuvre, NoiseScale,
+    ParameterEstimate, ParameterOfSet, SCHEMA, SlowResidual, Unknown, Verdict,
 };
 pub use directions::{Direction, Directions, Measured, Suspect, directions};
 pub use error::DiagnosisError;
 pub use fitter::{Fitter, fit};
 pub use options::{Options, Progress};
-pub use parameters::PRIOR_MARGIN;
 pub use refit::{Fit, FittedParameter};
 pub use search::prospect::{Prospect, Prospects, prospects};
+pub use settings::{Allowed, Setting, Settings};
 
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_recording::Recording;
@@ -90,14 +91,15 @@ pub fn diagnose(
     };
     let recordings = (training, held_out);
     let (search, without) = searched(&mut problem, held.as_mut(), recordings, options, progress)?;
-    let Some(late_s) = without.worth_a_new_layout(search.0.problem.reference.late_s) else {
+    let Some(late_s) = without.worth_a_new_layout(search.0.problem.reference.late_s, &options.settings)
+    else {
         return Ok(noted(answer(search, recordings, progress)?));
     };
     drop(search);
     drop((problem, held));
     let (mut problem, mut held) = prepare(training, held_out, model, prior, options, Some(late_s), progress)?;
     let (search, late) = searched(&mut problem, held.as_mut(), recordings, options, progress)?;
-    if late.explains_more_than_others(&without) {
+    if late.explains_more_than_others(&without, &options.settings) {
         return Ok(noted(answer(search, recordings, progress)?));
     }
     drop(search);
@@ -201,6 +203,7 @@ fn prepare(
         }
     }
     let mut reference = parameters::Reference::new(model, prior);
+    reference.settings = options.settings;
     reference.late_s = late_s.unwrap_or(reference.late_s);
     // All runs, including held-out ones, use bins of the same width, chosen to limit the number of nodes.
     let recordings = training.iter().chain(held_out);

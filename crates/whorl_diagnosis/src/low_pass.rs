@@ -19,10 +19,6 @@ use crate::search::step::base_point_with;
 
 /// From so much of the beginning of each recording it is told \[s\]: a delay that matters for the rest shows in it.
 const LONGEST_S: f64 = 60.0;
-/// What is stated is believed unless the samples are likelier by this factor without it (natural logarithm): twenty to one.
-const DOUBT_NATS: f64 = 3.0;
-/// Values stand when a step promises less than this (natural logarithm).
-const STANDS_NATS: f64 = 1.0;
 
 /// The model with those low-passes of its inertial sensors that delay; `None` if all of those stated do.
 pub(crate) fn without_those_that_do_not_delay(
@@ -37,7 +33,8 @@ pub(crate) fn without_those_that_do_not_delay(
         return Ok(None);
     }
     let parts: Vec<Recording> = training.iter().map(first_part).collect();
-    let settings = Settings { threads, fit_stands_nats: STANDS_NATS, ..Settings::default() };
+    let settings =
+        Settings { threads, fit_stands_nats: reference.settings.unfinished_nats, ..Settings::default() };
     let fitted = |reference: &Reference, start: &[f64], rival: Rival<'_>| {
         let refit = Refit::own(reference, available);
         DiagnosisError::possible(refit.likeliest(&parts, &[start.to_vec()], rival, &settings))
@@ -49,7 +46,7 @@ pub(crate) fn without_those_that_do_not_delay(
     let Some(as_stated) = fitted(reference, &start, Rival::NONE)? else { return Ok(None) };
     // The likeliest so far: the model if it is another one, values, and how likely they are.
     let mut best: (Option<Reference>, Vec<f64>, f64) =
-        (None, as_stated.at.clone(), as_stated.log_posterior + DOUBT_NATS);
+        (None, as_stated.at.clone(), as_stated.log_posterior + reference.settings.doubt_nats);
     let try_other = |other: Reference, best: &mut (Option<Reference>, Vec<f64>, f64), from: &[f64]| {
         let rival = Rival { followed: &as_stated.followed, log_posterior_needed: best.2 };
         if let Some(found) = fitted(&other, from, rival)?.filter(|found| found.log_posterior > best.2) {
@@ -76,7 +73,7 @@ pub(crate) fn without_those_that_do_not_delay(
         {
             errors.averaging_window_s = stated_s;
         }
-        best.2 += DOUBT_NATS;
+        best.2 += reference.settings.doubt_nats;
         try_other(other, &mut best, &from)?;
     }
     Ok(best.0.map(|best| best.model))

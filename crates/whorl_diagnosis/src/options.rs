@@ -2,6 +2,8 @@
 
 use whorl_dynamics::PlatformModel;
 
+use crate::Settings;
+
 /// Options of a diagnosis; [`Options::default`] suits most cases.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
@@ -14,11 +16,19 @@ pub struct Options {
     /// The model with those low-passes of its inertial sensors that the samples show to delay, where it is known: see
     /// [`crate::with_low_passes_that_delay`]. `None`: it is found, which takes as long as a fit.
     pub delaying: Option<PlatformModel>,
+    /// Numbers that the verdict depends on; there is rarely a reason to change one.
+    pub settings: Settings,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { exclude: Vec::new(), threads: 2, largest_set: 3, delaying: None }
+        Self {
+            exclude: Vec::new(),
+            threads: 2,
+            largest_set: 3,
+            delaying: None,
+            settings: Settings::default(),
+        }
     }
 }
 

@@ -7,7 +7,7 @@
 //! widened until they fit (Birge's ratio). With N tests in all (parameters times places, and one drift each) a chance p
 //! becomes 1 - (1 - p)^N: that is the significance after all that was looked at.
 
-use whorl_diagnosis::{Options, PRIOR_MARGIN, fit};
+use whorl_diagnosis::{Options, fit};
 use whorl_dynamics::effects::{catalogue, find};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_math::statistics::{normal_probability, normal_quantile};
@@ -161,8 +161,9 @@ pub fn trends(
                 trends.len() - 1
             });
             let width = prior_stddev(&parameter.group, &parameter.name, model, prior);
-            let own = width
-                .map_or(1.0, |width| 1.0 - (parameter.posterior_stddev / (PRIOR_MARGIN * width)).powi(2));
+            let own = width.map_or(1.0, |width| {
+                1.0 - (parameter.posterior_stddev / (options.settings.prior_margin * width)).powi(2)
+            });
             if !parameter.at_bound && own > INFORMED {
                 let value = parameter.before + (parameter.estimate - parameter.before) / own;
                 trends[place].estimates.push(Estimate {

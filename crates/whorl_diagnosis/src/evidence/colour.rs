@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use whorl_math::statistics::median;
 use whorl_recording::Component;
 
+use crate::Settings;
+
 /// Highest order of the model of coloured noise.
 const ORDER: usize = 6;
 
@@ -43,7 +45,7 @@ pub(crate) struct Colour {
 
 impl Colour {
     /// From a residual, by Yule-Walker; the order by Akaike's criterion.
-    pub fn of(residual: &[f64]) -> Self {
+    pub fn of(residual: &[f64], settings: &Settings) -> Self {
         let n = residual.len();
         if n < 100 {
             let power = residual.iter().map(|e| e * e).sum::<f64>() / n.max(1) as f64;
@@ -59,7 +61,7 @@ impl Colour {
             residual.iter().map(|e| e.max(-limit).min(limit)).collect()
         };
         // What is slower than a few dozen samples is a torque or a bias, and no colour of a sensor's noise.
-        let clipped = without_slow_part(&clipped);
+        let clipped = without_slow_part(&clipped, settings.ar_window_samples.round() as usize);
         // The median over stretches: what a model lacks for a while is no noise.
         let stretch = n.div_ceil(STRETCHES).max(50);
         let lag = |l: usize| {
@@ -88,8 +90,7 @@ impl Colour {
             next.push(reflection);
             a = next;
             power *= 1.0 - reflection * reflection;
-            // Three per coefficient: cheap to leave a weak colour, dear to follow chance.
-            let score = n as f64 * power.max(1e-12).ln() + 8.0 * order as f64;
+            let score = n as f64 * power.max(1e-12).ln() + settings.ar_order_price * order as f64;
             if score < best_score {
                 best_score = score;
                 best = Self { coefficients: a.clone(), stddev: power.sqrt().max(1e-3), power: r[0] };
@@ -139,25 +140,22 @@ pub(crate) fn alike(one: &Colours, other: &Colours) -> bool {
 }
 
 /// Colours of a run's series of readings, whose rows are given by component.
-pub(crate) fn colours_of(series: &[f64], rows: &[Vec<usize>]) -> Vec<Colour> {
+pub(crate) fn colours_of(series: &[f64], rows: &[Vec<usize>], settings: &Settings) -> Vec<Colour> {
     let of_component = |rows: &Vec<usize>| {
         let own: Vec<f64> = rows.iter().filter_map(|row| series.get(*row).copied()).collect();
-        Colour::of(&own)
+        Colour::of(&own, settings)
     };
     rows.iter().map(of_component).collect()
 }
 
-/// Half of the samples over which a running mean is taken off before a colour is estimated.
-const HALF_WINDOW: usize = 30;
-
-/// A series less its running mean, in its own scale: white noise keeps its power.
-fn without_slow_part(series: &[f64]) -> Vec<f64> {
+/// A series less its running mean over so many samples to both sides, in its own scale: white noise keeps its power.
+fn without_slow_part(series: &[f64], half: usize) -> Vec<f64> {
     let mut sums = vec![0.0];
     for x in series {
         sums.push(sums[sums.len() - 1] + x);
     }
     let of = |i: usize, x: &f64| {
-        let (from, to) = (i.saturating_sub(HALF_WINDOW), (i + HALF_WINDOW + 1).min(series.len()));
+        let (from, to) = (i.saturating_sub(half), (i + half + 1).min(series.len()));
         let count = (to - from) as f64;
         let mean = (sums[to] - sums[from]) / count;
         (x - mean) / (1.0 - 1.0 / count).sqrt()
@@ -178,7 +176,7 @@ mod tests {
             let uniform = (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5;
             x[k] = 0.8 * x[k - 1] + uniform * 12f64.sqrt();
         }
-        let colour = Colour::of(&x);
+        let colour = Colour::of(&x, &Settings::default());
         assert!((colour.coefficients[0] - 0.8).abs() < 0.08, "{colour:?}");
         let rows: Vec<usize> = (0..x.len()).collect();
         let mut y = x.clone();

@@ -16,14 +16,6 @@ use crate::evidence::regression::{Normal, Whitened};
 use crate::threads;
 use crate::whitening::columns::LANES;
 
-/// Time over which an error of a formula stays the same \[s\]: somewhat shorter than the swings of a platform, within
-/// which its formulas pass through their range.
-const BLOCK_S: f64 = 5.0;
-
-/// Relative errors that are weighed, each as likely as the others: of what is known exactly, of a good measurement, of a
-/// usual formula, of a rough one.
-pub(crate) const RELATIVE_ERRORS: [f64; 4] = [0.0, 0.01, 0.03, 0.1];
-
 /// A signal: how much of each column makes it up.
 pub(crate) type Signal = Vec<(usize, f64)>;
 
@@ -43,12 +35,14 @@ pub(crate) struct Discrepancy {
 }
 
 impl Discrepancy {
-    /// Products over the blocks of every run; `node_s` is the mean time between nodes of each.
+    /// Products over the blocks of every run; `node_s` is the mean time between nodes of each, and an error stays the same
+    /// for `block_s`.
     pub fn new(
         whitened: &[Whitened],
         node_s: &[f64],
         signals: &[Signal],
         columns: usize,
+        block_s: f64,
         threads: usize,
     ) -> Self {
         if signals.is_empty() {
@@ -56,7 +50,7 @@ impl Discrepancy {
         }
         let mut work: Vec<(&Whitened, usize, usize)> = Vec::new();
         for (run, node_s) in whitened.iter().zip(node_s) {
-            let nodes = (BLOCK_S / node_s.max(1e-6)).round().max(1.0) as usize;
+            let nodes = (block_s / node_s.max(1e-6)).round().max(1.0) as usize;
             let mut from = 0;
             for block in 1..=run.nodes.div_ceil(nodes) {
                 let to = run.node.partition_point(|node| (*node as usize) < block * nodes);
@@ -167,7 +161,7 @@ mod tests {
         };
         // Blocks of four nodes, that is of eight rows. The signal is 0.5 of the second column.
         let signals = [vec![(1, 0.5)]];
-        let discrepancy = Discrepancy::new(std::slice::from_ref(&run), &[BLOCK_S / 4.0], &signals, 2, 1);
+        let discrepancy = Discrepancy::new(std::slice::from_ref(&run), &[1.25], &signals, 2, 5.0, 1);
         let mut total = Normal::zeros(2);
         for (x, y) in columns.iter().zip(&y) {
             let x = DVector::from_column_slice(x);

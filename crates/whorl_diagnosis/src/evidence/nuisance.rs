@@ -26,17 +26,8 @@ pub(crate) const PACES: [f64; 3] = [1.0, 0.316_227_766_016_837_94, 0.1];
 /// The fastest of them.
 const FASTEST: u8 = PACES.len() as u8 - 1;
 
-/// Slowest walk of a gyro's bias: it shows above the white noise only after so long \[s\].
-const SHOWS_AFTER_S: f64 = 200.0;
-
 /// A bias that does not walk: it would show after so long \[s\].
 const STEADY_S: f64 = 1e4;
-
-/// Probability that something is missing that has no name, before any data: as likely as two effects of the catalogue.
-pub(crate) const NAMELESS: f64 = 0.01;
-
-/// A slow random torque beyond this share of what turns the platform is no background.
-pub(crate) const LARGE: f64 = 0.01;
 
 /// Sizes of the noise beside what the model states, as steps: 0 = there is none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -62,11 +53,11 @@ impl Nuisance {
             + of_kind(self.wheel, f64::from(SIZES))
     }
 
-    /// Walk of a gyro's bias [rad/s/sqrt(s)], for a gyro of this noise density [rad/s sqrt(s)].
-    pub fn gyro_bias_walk(self, density: f64) -> f64 {
+    /// Walk of a gyro's bias [rad/s/sqrt(s)], for a gyro of this noise density [rad/s sqrt(s)]; the slowest shows above it after so long \[s\].
+    pub fn gyro_bias_walk(self, density: f64, shows_after_s: f64) -> f64 {
         match self.bias {
             0 => density / STEADY_S,
-            step => density / SHOWS_AFTER_S * STEP.powi(i32::from(step) - 1),
+            step => density / shows_after_s * STEP.powi(i32::from(step) - 1),
         }
     }
 

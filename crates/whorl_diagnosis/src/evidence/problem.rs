@@ -8,7 +8,7 @@ use whorl_recording::{Channel, Recording};
 use whorl_trajectory::noise::typical_step_s;
 
 use crate::evidence::colour::{Colour, Colours, colour_log_density, colours_of};
-use crate::evidence::nuisance::{LARGE, NAMELESS, Nuisance, PACES, STEP};
+use crate::evidence::nuisance::{Nuisance, PACES, STEP};
 use crate::evidence::regression::{Normal, Whitened};
 use crate::layout::motion::Motion;
 use crate::layout::run::{Run, is_clamped};
@@ -24,13 +24,6 @@ const MOST_NODES: f64 = 9_000.0;
 
 /// Widest bin \[s\].
 const WIDEST_BIN_S: f64 = 0.1;
-
-/// Time over which the whitening filter remembers \[s\]: torques slower than this are seen the better the
-/// longer it is, and mismatched formulas the less. Somewhat more than the swings of a platform take,
-const MEMORY_S: f64 = 20.0;
-
-/// and this many samples at least, of which it takes so many to see a torque at all.
-const MEMORY_SAMPLES: f64 = 200.0;
 
 /// Times that a motion is turned to the heading that springs tell.
 const MOST_TURNS: usize = 8;
@@ -82,12 +75,12 @@ pub(crate) enum Trust {
 }
 
 /// The random walk of the rate that the data support best, not below `least`.
-fn likeliest_walk(least: f64, log_likelihood: impl Fn(f64) -> f64) -> f64 {
+fn likeliest_walk(least: f64, doubt_nats: f64, log_likelihood: impl Fn(f64) -> f64) -> f64 {
     let mut best = (least, log_likelihood(least));
     for factor in [5.0, 25.0, 125.0] {
         let here = (least * factor, log_likelihood(least * factor));
         // A few more would be chance.
-        if here.1 < best.1 + 3.0 {
+        if here.1 < best.1 + doubt_nats {
             break;
         }
         best = here;
@@ -113,7 +106,13 @@ impl Problem {
             let samples = (total_s / MOST_NODES / step_s).ceil().max(1.0);
             let widest = (WIDEST_BIN_S / step_s).floor().max(1.0);
             let bin_s = step_s * samples.min(widest);
-            let run = Run::new(recording, &reference.model, bin_s, reference.late_s)?;
+            let run = Run::new(
+                recording,
+                &reference.model,
+                bin_s,
+                reference.late_s,
+                reference.settings.feedback_correlation,
+            )?;
             Ok::<_, DiagnosisError>((run, step_s))
         });
         let mut problem = Self {
@@ -123,7 +122,7 @@ impl Problem {
             threads,
             gyro_density: Vec::new(),
             wheel_density: Vec::new(),
-            memory_s: MEMORY_S,
+            memory_s: reference.settings.memory_s,
             nuisance: Nuisance::default(),
             torques: Torques::default(),
             reference,
@@ -133,7 +132,7 @@ impl Problem {
             let (run, step_s) = result?;
             problem.gyro_density.push(run.noise.gyro.mean() * step_s.sqrt());
             problem.wheel_density.push(run.noise.wheel * step_s.sqrt());
-            problem.memory_s = problem.memory_s.max(MEMORY_SAMPLES * step_s);
+            problem.memory_s = problem.memory_s.max(problem.reference.settings.memory_samples * step_s);
             runs.push(run);
         }
         problem.runs = Arc::new(runs);
@@ -141,7 +140,12 @@ impl Problem {
         let motions = threads::map(threads, &problem.runs, |run| Motion::rough(run, mechanics.model()));
         problem.motions = Arc::new(motions);
         problem.check_attitude()?;
-        problem.torques = Torques::of(&problem.runs, &problem.motions, mechanics.model());
+        problem.torques = Torques::of(
+            &problem.runs,
+            &problem.motions,
+            mechanics.model(),
+            problem.reference.settings.at_work_s,
+        );
         Ok(problem)
     }
 
@@ -187,7 +191,9 @@ impl Problem {
             let walk = match (trust, self.walks.get(r)) {
                 (Trust::Within(walk), _) => walk,
                 (Trust::AsBefore, Some(walk)) => walk.max(least),
-                _ => likeliest_walk(least, |walk| system(walk).log_likelihood(&linear)),
+                _ => likeliest_walk(least, self.reference.settings.doubt_nats, |walk| {
+                    system(walk).log_likelihood(&linear)
+                }),
             };
             (system(walk).corrected(&linear).0, walk)
         });
@@ -234,7 +240,7 @@ impl Problem {
             let system = self.smoothing(r, run, &here, mechanics, &prediction, self.settings(r).rate_walk);
             let (next, log_likelihood) = system.corrected(&system.linear());
             // That of the motion it was taken at.
-            if log_likelihood < best.1 + 1.0 {
+            if log_likelihood < best.1 + self.reference.settings.unfinished_nats {
                 break;
             }
             best = (here, log_likelihood);
@@ -305,12 +311,13 @@ impl Problem {
 
     /// The same of a torque of this standard deviation [N m].
     pub fn is_large_torque(&self, stddev_n_m: f64) -> bool {
-        stddev_n_m > LARGE * self.torques.body_n_m
+        stddev_n_m > self.reference.settings.background_share * self.torques.body_n_m
     }
 
     /// Log prior of the noise beside what the model states. A torque that is no background is something without a name.
     pub fn log_prior(&self, nuisance: Nuisance) -> f64 {
-        nuisance.log_prior() + if self.is_large(nuisance) { NAMELESS.ln() } else { 0.0 }
+        nuisance.log_prior()
+            + if self.is_large(nuisance) { self.reference.settings.unmodelled.ln() } else { 0.0 }
     }
 
     /// Settings of the whitening filter of a run.
@@ -322,10 +329,14 @@ impl Problem {
     pub fn settings_with(&self, nuisance: Nuisance, r: usize) -> Settings {
         let density = |list: &[f64]| list.get(r).copied().unwrap_or(1e-4);
         let inertia = self.reference.model.wheels().iter().map(|w| w.spin_inertia_kg_m2).fold(1e-6, f64::max);
+        let numbers = &self.reference.settings;
         Settings {
+            stands_rad_s: numbers.stands_rad_s,
+            wheel_stands_rad_s: numbers.wheel_stands_rad_s,
+            sticks_s: numbers.sticks_s,
             rate_walk: density(&self.gyro_density) / self.memory_s,
             torque_walk: self.runs.get(r).map_or(0.0, |run| self.friction_walk(run)),
-            gyro_bias_walk: nuisance.gyro_bias_walk(density(&self.gyro_density)),
+            gyro_bias_walk: nuisance.gyro_bias_walk(density(&self.gyro_density), numbers.bias_shows_after_s),
             background: self.background(nuisance),
             wheel_noise: inertia * density(&self.wheel_density) / self.memory_s
                 * STEP.powi(i32::from(nuisance.wheel)),
@@ -437,7 +448,12 @@ impl Problem {
                 wide.get(i).copied().unwrap_or(1.0)
             });
             let value = fit.map_or_else(|| nalgebra::DVector::zeros(columns), |f| f.value);
-            whitened.iter().map(|slot| colours_of(&slot.residual(&value), &slot.rows_by_reading())).collect()
+            whitened
+                .iter()
+                .map(|slot| {
+                    colours_of(&slot.residual(&value), &slot.rows_by_reading(), &self.reference.settings)
+                })
+                .collect()
         });
         for (slot, colours) in whitened.iter_mut().zip(&colours) {
             slot.colour(colours, self.threads);

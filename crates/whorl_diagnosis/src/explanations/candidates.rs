@@ -7,6 +7,7 @@ use whorl_dynamics::effects::{
     Clues, Direction, Grouping, Part, Regressed, Resonance, Role, Start, catalogue, find,
 };
 
+use crate::Settings;
 use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::lines::{Lines, Mode};
 use crate::parameters::available::Available;
@@ -21,9 +22,6 @@ pub(crate) struct Candidate {
     pub options: Vec<Vec<usize>>,
 }
 
-/// Detectability at which an effect shows.
-pub(crate) const SHOWS: f64 = 30.0;
-
 /// Prior variance of a column of which nothing is known, in its unit.
 const ANY_SIZE: f64 = 1e6;
 
@@ -34,6 +32,7 @@ pub(crate) struct Layout {
     /// Columns of the base model.
     pub base: Vec<usize>,
     pub candidates: Vec<Candidate>,
+    pub settings: Settings,
 }
 
 /// What effects are told of the data, to find where they may start.
@@ -72,7 +71,11 @@ impl Layout {
         lines: &Lines,
         with_hidden: bool,
     ) -> Self {
-        let mut layout = Self { columns: reference.base_columns(available), ..Self::default() };
+        let mut layout = Self {
+            columns: reference.base_columns(available),
+            settings: reference.settings,
+            ..Self::default()
+        };
         layout.base = (0..layout.columns.len()).filter(|i| layout.columns[*i].base_stddev > 0.0).collect();
         for effect in catalogue().iter().copied() {
             let id = effect.info().id;
@@ -98,7 +101,11 @@ impl Layout {
         ids: &[&str],
         lines: &Lines,
     ) -> Self {
-        let mut layout = Self { columns: reference.base_columns(available), ..Self::default() };
+        let mut layout = Self {
+            columns: reference.base_columns(available),
+            settings: reference.settings,
+            ..Self::default()
+        };
         layout.columns.retain(|c| c.base_stddev > 0.0 || ids.contains(&c.group));
         layout.base = (0..layout.columns.len()).filter(|i| layout.columns[*i].base_stddev > 0.0).collect();
         for effect in ids.iter().filter_map(|id| find(id)) {

@@ -1,5 +1,6 @@
 //! Sets of effects as explanations: evidence, constraints, prediction of other data.
 
+use crate::Settings;
 use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::candidates::Layout;
 use crate::parameters::Column;
@@ -8,16 +9,14 @@ use crate::parameters::Column;
 /// of an air bearing, and nobody says what a rig turns on.
 const SIZES: [f64; 10] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0, 1000.0];
 
-/// Prior size of all effects together in the regression that shows the colour of the noise. At a thousand, columns of single
-/// precision that nearly coincide leave more than the noise; at ten, friction of a ball bearing is left.
-pub(crate) const TOGETHER: f64 = 100.0;
-
-/// Sizes from here on are unusual: one rig in so many has such an effect.
-const UNUSUAL: (f64, f64) = (100.0, 100.0);
-
 /// Minus the logarithm of a size's prior probability.
-fn price_of_size(size: f64) -> f64 {
-    (SIZES.len() as f64).ln() + if size >= UNUSUAL.0 { UNUSUAL.1.ln() } else { 0.0 }
+fn price_of_size(size: f64, settings: &Settings) -> f64 {
+    (SIZES.len() as f64).ln() + rarity_nats(size, settings)
+}
+
+/// What it costs that a size is unusual.
+pub(crate) fn rarity_nats(size: f64, settings: &Settings) -> f64 {
+    if size >= settings.unusual_size { settings.unusual_odds.ln() } else { 0.0 }
 }
 
 /// Sizes that are tried first, with every option.
@@ -159,8 +158,10 @@ impl Hypothesis {
                     .flat_map(|m| &m.columns)
                     .filter(|i| layout.columns[**i].base_stddev == 0.0 && layout.columns[**i].range.0 > -1e-9)
                     .count();
-                let choices: f64 =
-                    members.iter().map(|m| (m.options as f64).ln() + price_of_size(m.size)).sum();
+                let choices: f64 = members
+                    .iter()
+                    .map(|m| (m.options as f64).ln() + price_of_size(m.size, &layout.settings))
+                    .sum();
                 let log_evidence = estimate.log_evidence - choices + signs as f64 * 2f64.ln();
                 return Some(Self { members, estimate, log_evidence });
             };

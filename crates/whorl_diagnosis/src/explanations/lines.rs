@@ -2,9 +2,6 @@
 
 use nalgebra::Vector3;
 
-/// Standard deviations above which no line of some 10^4 frequencies is chance.
-pub(crate) const CERTAIN: f64 = 5.5;
-
 /// A resonance that the motion drives.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Mode {

@@ -11,7 +11,7 @@ use whorl_recording::Channel;
 use whorl_trajectory::spectrum::Fourier;
 
 use crate::explanations::hypothesis::Hypothesis;
-use crate::explanations::lines::{CERTAIN, Mode, gamma_significance};
+use crate::explanations::lines::{Mode, gamma_significance};
 use crate::explanations::place::Place;
 
 /// Slower resonances are told from slow torques by the regression itself \[Hz\].
@@ -123,7 +123,7 @@ pub(crate) fn modes(place: Place<'_>, of: &Hypothesis) -> Vec<Mode> {
         let explained: f64 = with.iter().map(|c| c.dot(&(inverse * c))).sum();
         // Nine correlations of noise alone: half their squares are the sum of 4.5 exponential variates.
         let significance = gamma_significance(0.5 * explained, 4.5);
-        if significance < 0.8 * CERTAIN {
+        if significance < 0.8 * place.problem.reference.settings.certain_stddevs {
             continue;
         }
         // Torque about i for acceleration about j is d_i d_j.

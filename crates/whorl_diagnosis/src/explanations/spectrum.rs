@@ -6,7 +6,7 @@ use whorl_recording::Channel;
 use whorl_trajectory::spectrum::Fourier;
 
 use crate::explanations::hypothesis::Hypothesis;
-use crate::explanations::lines::{CERTAIN, Lines, gamma_significance};
+use crate::explanations::lines::{Lines, gamma_significance};
 use crate::explanations::place::Place;
 
 /// Lines looked at, strongest first.
@@ -20,9 +20,6 @@ const NOTICED: f64 = 3.5;
 
 /// Lines are looked for up to this many per turn of a wheel.
 const HIGHEST_ORDER: f64 = 1.6;
-
-/// What is within this of once a turn is a wheel's imbalance.
-const ONCE: f64 = 0.02;
 
 /// Whitened residual of a run at every node.
 struct Residual {
@@ -99,8 +96,11 @@ pub(crate) fn lines(place: Place<'_>, of: &Hypothesis) -> Lines {
             chosen.push(peak);
         }
     }
+    let settings = &place.problem.reference.settings;
     let mut orders = wheel_orders(place, &residuals);
-    orders.retain(|(wheel, order, _)| !place.turning.contains(wheel) || (order - 1.0).abs() > ONCE);
+    orders.retain(|(wheel, order, _)| {
+        !place.turning.contains(wheel) || (order - 1.0).abs() > settings.imbalance_turn_share
+    });
     let hz: Vec<f64> = chosen.iter().map(|p| p.frequency).take(MOST_LINES).collect();
     let strongest = chosen.first().map_or(0.0, |p| p.significance);
     let strongest_order = orders.first().map_or(0.0, |o| o.2);
@@ -111,7 +111,7 @@ pub(crate) fn lines(place: Place<'_>, of: &Hypothesis) -> Lines {
         modes: crate::explanations::modes::modes(place, of),
         strongest: strongest.max(strongest_order),
         // A line over time is blurred over a wheel's angle, and the other way round.
-        orders: if strongest_order > CERTAIN.max(strongest) {
+        orders: if strongest_order > settings.certain_stddevs.max(strongest) {
             orders.iter().take(1).map(|o| (o.0, o.1)).collect()
         } else {
             Vec::new()
@@ -123,10 +123,11 @@ pub(crate) fn lines(place: Place<'_>, of: &Hypothesis) -> Lines {
 /// make this one.
 fn is_of_turning(place: Place<'_>, hz: f64, step_s: f64) -> bool {
     let sampled = |turning_hz: f64| (turning_hz - (turning_hz * step_s).round() / step_s).abs();
+    let share = place.problem.reference.settings.imbalance_turn_share;
     place.turning.iter().any(|wheel| {
         place.problem.motions.iter().flat_map(|motion| &motion.wheel).any(|speeds| {
             let turning_hz = speeds[*wheel].abs() / std::f64::consts::TAU;
-            (sampled(turning_hz) - hz).abs() < ONCE * turning_hz
+            (sampled(turning_hz) - hz).abs() < share * turning_hz
         })
     })
 }
@@ -269,13 +270,14 @@ mod tests {
         let series: Vec<f64> = (0..4000)
             .map(|k| 0.25 * (std::f64::consts::TAU * 3.217 * f64::from(k) * step_s).sin() + noise())
             .collect();
+        let certain = crate::Settings::default().certain_stddevs;
         let mut spectrum = Spectrum::new(8192);
         spectrum.add(&[series], 1.0);
         let mut peaks = spectrum.peaks(step_s, 0.0);
         peaks.sort_by(|a, b| b.significance.total_cmp(&a.significance));
-        assert!(peaks[0].significance > CERTAIN, "{peaks:?}");
+        assert!(peaks[0].significance > certain, "{peaks:?}");
         assert!((peaks[0].frequency - 3.217).abs() < 3e-3, "{peaks:?}");
-        assert!(peaks.iter().skip(1).all(|p| p.significance < CERTAIN), "{peaks:?}");
+        assert!(peaks.iter().skip(1).all(|p| p.significance < certain), "{peaks:?}");
     }
 
     #[test]

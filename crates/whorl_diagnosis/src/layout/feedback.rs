@@ -3,15 +3,12 @@
 use whorl_dynamics::PlatformModel;
 use whorl_recording::Recording;
 
-/// Correlation that chance does not give between the changes of thousands of samples.
-const CERTAIN: f64 = 0.1;
-
 /// Fewest samples that are worth a correlation.
 const LEAST: usize = 500;
 
 /// Whether changes of the wheels' commands follow changes of the gyro's readings sample by sample: what changes from
 /// sample to sample is mostly noise, and only a controller knows it.
-pub(crate) fn answers_gyro(recording: &Recording, model: &PlatformModel) -> bool {
+pub(crate) fn answers_gyro(recording: &Recording, model: &PlatformModel, least_correlation: f64) -> bool {
     let (gyro, commands) = (&recording.gyro_b_rad_s, &recording.wheel_torque_command_n_m);
     // The reading that a command may have known.
     let latest = |time_s: f64| gyro.time_s.partition_point(|t| *t <= time_s + 1e-6).checked_sub(1);
@@ -31,7 +28,8 @@ pub(crate) fn answers_gyro(recording: &Recording, model: &PlatformModel) -> bool
             of_gyro += dg * dg;
             count += 1;
         }
-        count >= LEAST && product.abs() > CERTAIN * (of_command * of_gyro).sqrt().max(f64::MIN_POSITIVE)
+        count >= LEAST
+            && product.abs() > least_correlation * (of_command * of_gyro).sqrt().max(f64::MIN_POSITIVE)
     })
 }
 
@@ -63,9 +61,9 @@ mod tests {
     #[test]
     fn a_controller_shows_by_its_answers_to_noise() {
         let model = PlatformModel::whorl_1_reference();
-        assert!(answers_gyro(&recording(0.3), &model));
-        assert!(answers_gyro(&recording(-0.3), &model));
-        assert!(!answers_gyro(&recording(0.0), &model));
-        assert!(!answers_gyro(&Recording::default(), &model));
+        assert!(answers_gyro(&recording(0.3), &model, 0.1));
+        assert!(answers_gyro(&recording(-0.3), &model, 0.1));
+        assert!(!answers_gyro(&recording(0.0), &model, 0.1));
+        assert!(!answers_gyro(&Recording::default(), &model, 0.1));
     }
 }

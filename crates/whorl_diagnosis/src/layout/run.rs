@@ -20,9 +20,6 @@ use crate::layout::noise::NoiseLevels;
 /// Whether it holds enough is a matter of information, not of seconds.
 const NEEDS: Needs = Needs { shortest_s: 0.5, free: false, accelerometer: false };
 
-/// A wheel that turns slower than this stands, for a good tachometer too \[rad/s\].
-const SLOWEST_RAD_S: f64 = 0.3;
-
 /// Speeds or torques of the wheels; entries beyond the platform's own stay zero.
 pub(crate) type Wheels = [f64; MAX_WHEELS];
 
@@ -137,8 +134,8 @@ impl Run {
     }
 
     /// A wheel slower than this may stand still, as far as its tachometer's noise lets one see \[rad/s\].
-    pub fn standstill_rad_s(&self) -> f64 {
-        (4.0 * self.noise.wheel).max(SLOWEST_RAD_S)
+    pub fn standstill_rad_s(&self, least_rad_s: f64) -> f64 {
+        (4.0 * self.noise.wheel).max(least_rad_s)
     }
 
     /// Whether a sensor tells the heading: one that sees a direction other than the vertical.
@@ -184,6 +181,7 @@ impl Run {
         model: &PlatformModel,
         bin_s: f64,
         late_s: f64,
+        feedback_correlation: f64,
     ) -> Result<Self, DiagnosisError> {
         check(recording, model, &NEEDS)?;
         let clamped = is_clamped(recording, model);
@@ -248,7 +246,7 @@ impl Run {
             accel: bins.means(&recording.specific_force_b_m_s2, accel_latency_s),
             vectors,
             wheel_speed: wheel_means(&bins, &recording.wheel_speed_rad_s),
-            answers_gyro: recording.closed_loop || answers_gyro(recording, model),
+            answers_gyro: recording.closed_loop || answers_gyro(recording, model, feedback_correlation),
             has_wheel_command,
             has_wheel_speed,
             wheel_command,

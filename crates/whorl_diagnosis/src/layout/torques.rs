@@ -12,16 +12,19 @@ pub(crate) struct Torques {
     pub wheel_n_m: Vec<f64>,
 }
 
-/// Time over which rates are compared to see what torque was at work \[s\]; one interval at least.
-const AT_WORK_S: f64 = 0.5;
-
 impl Torques {
-    pub fn of(runs: &[Run], motions: &[Motion], model: &whorl_dynamics::PlatformModel) -> Self {
+    /// Rates are compared over `at_work_s`, one interval at least.
+    pub fn of(
+        runs: &[Run],
+        motions: &[Motion],
+        model: &whorl_dynamics::PlatformModel,
+        at_work_s: f64,
+    ) -> Self {
         let inertia = model.mass_properties.inertia_b_kg_m2();
         let (mut body, mut count) = (0.0, 0.0);
         let mut wheel = vec![0.0; model.wheels().len()];
         for (run, motion) in runs.iter().zip(motions) {
-            let apart = ((AT_WORK_S / run.node_s().max(1e-9)).round() as usize).max(1);
+            let apart = ((at_work_s / run.node_s().max(1e-9)).round() as usize).max(1);
             for k in (apart..run.nodes()).step_by(apart) {
                 let time_s = (run.time(k) - run.time(k - apart)).max(1e-9);
                 if let (Some(before), Some(after)) = (motion.omega.get(k - apart), motion.omega.get(k)) {

@@ -9,13 +9,11 @@ use whorl_dynamics::effects::{Part, Role, catalogue, find};
 use whorl_dynamics::{Effect, MassProperties, ModelPrior, PlatformModel};
 
 use crate::DiagnosisError;
+use crate::Settings;
 use crate::parameters::available::Available;
 
 /// Group of the principal moments of inertia, which are no effect.
 pub(crate) const MASS_PROPERTIES: &str = "mass_properties";
-
-/// Priors are taken a little wider than stated: who states one has rarely measured it.
-pub const PRIOR_MARGIN: f64 = 1.2;
 
 /// Values of everything that a fit may change.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -96,11 +94,13 @@ pub(crate) struct Reference {
     /// Recordings are laid out with stamps of the inertial unit late by so much more than the model's sensors say:
     /// near it, readings need not be extrapolated \[s\].
     pub late_s: f64,
+    pub settings: Settings,
 }
 
 impl Reference {
     pub fn new(model: &PlatformModel, prior: &ModelPrior) -> Self {
-        let mut reference = Self { model: model.clone(), prior: prior.clone(), late_s: 0.0 };
+        let mut reference =
+            Self { model: model.clone(), prior: prior.clone(), late_s: 0.0, settings: Settings::default() };
         reference.late_s = reference.late_at_s(&reference.point());
         reference
     }
@@ -178,7 +178,7 @@ impl Reference {
         if available.body {
             let inertia = self.model.mass_properties.inertia_b_kg_m2();
             for (i, name) in ["ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"].into_iter().enumerate() {
-                let stddev = self.prior.inertia_b_kg_m2[(i, i)] * PRIOR_MARGIN;
+                let stddev = self.prior.inertia_b_kg_m2[(i, i)] * self.settings.prior_margin;
                 if stddev > 0.0 {
                     columns.push(Column {
                         group: MASS_PROPERTIES,
@@ -223,7 +223,7 @@ impl Reference {
             .enumerate()
             .filter(|(_, spec)| !spec.known)
             .map(|(index, spec)| {
-                let stddev = self.prior.of_parameter(&self.model, effect, spec) * PRIOR_MARGIN;
+                let stddev = self.prior.of_parameter(&self.model, effect, spec) * self.settings.prior_margin;
                 let reference = given.get(index).copied().unwrap_or(spec.neutral);
                 let scale = if stddev > 0.0 { stddev } else { spec.prior_stddev };
                 let mut step = vec![0.0; specs.len()];

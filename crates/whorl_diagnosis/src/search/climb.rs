@@ -94,7 +94,7 @@ impl Problem {
             let system = System { run, motion, mechanics: &mechanics, prediction: &prediction, settings };
             let linear = system.linear();
             let rows = rows_by_reading(linear.rows().iter().map(|row| row.reading));
-            colours_of(&system.innovations(&linear).0, &rows)
+            colours_of(&system.innovations(&linear).0, &rows, &self.reference.settings)
         }))
     }
 
@@ -141,7 +141,7 @@ impl Problem {
                 threads::map(self.threads, &all, |(system, linear)| {
                     let (mut innovations, log_density) = system.innovations(linear);
                     let rows = rows_by_reading(linear.rows().iter().map(|row| row.reading));
-                    let colours = colours_of(&innovations, &rows);
+                    let colours = colours_of(&innovations, &rows, &self.reference.settings);
                     coloured(&mut innovations, &rows, &colours);
                     let misfit: f64 = innovations.iter().map(|e| e * e).sum();
                     (log_density + colour_log_density(&rows, &colours) - 0.5 * misfit, colours)

@@ -24,8 +24,8 @@ use crate::layout::run::Run;
 use crate::parameters::Point;
 use crate::search::Search;
 use crate::search::climb::{Noise, Sizes};
-use crate::search::prior::OTHER_LAW;
-use crate::search::standing::{Converged, SURPRISE};
+use crate::search::prior::of_other_law;
+use crate::search::standing::{BENT, Converged};
 use crate::search::step::{dataset, point_of};
 
 /// Steps of a fit, those taken back included.
@@ -36,13 +36,6 @@ const MOST_TURNS: usize = 4;
 
 /// Times that the first step of a fit is shortened.
 const MOST_SHORTER: usize = 3;
-
-/// A further step that promises less log likelihood is not taken.
-const CONVERGED: f64 = 0.3;
-
-/// Misfit by which a larger set may fall behind the leading one on its way to where it fits best: beyond it, a step went
-/// too far.
-const LEAST_DROP: f64 = 30.0;
 
 /// Where Gauss-Newton steps of a set have come to, and the regression there.
 pub(crate) struct Descended {
@@ -156,7 +149,8 @@ impl Search<'_> {
         let base = self.standing(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
         let is_echo = |alone: &Converged| {
             let explained = f64::max(alone.standing.log_evidence - base, 0.0);
-            found.standing.log_evidence - alone.standing.log_evidence <= OTHER_LAW * explained
+            found.standing.log_evidence - alone.standing.log_evidence
+                <= of_other_law(&self.options.settings) * explained
         };
         Ok(Some(alone.filter(is_echo).unwrap_or(found)))
     }
@@ -252,6 +246,7 @@ impl Search<'_> {
         is_first: bool,
         mut colours: Option<Colours>,
     ) -> Result<Option<Descended>, DiagnosisError> {
+        let settings = &self.options.settings;
         let Begin { mut point, mut layout, mut members } = from;
         let entered_as_place = members.last().is_some_and(|m| {
             let of_last = m.columns.iter().filter_map(|i| layout.columns.get(*i));
@@ -266,7 +261,7 @@ impl Search<'_> {
         let mut allowed = self
             .standing(&self.best)
             .filter(|s| holds_best && s.nuisance == problem.nuisance)
-            .map_or(f64::INFINITY, |s| s.misfit + LEAST_DROP);
+            .map_or(f64::INFINITY, |s| s.misfit + settings.clear_misfit);
         // What the last good step promised.
         let mut promise = 0.0;
         for step in 0..MOST_STEPS {
@@ -309,10 +304,10 @@ impl Search<'_> {
             }
             let last = best.as_ref().map_or(f64::INFINITY, |b| b.misfit);
             // A step that went too far is shortened, and so are those after it until one is good.
-            if misfit > last + 2.0 * CONVERGED {
+            if misfit > last + 2.0 * settings.converged_nats {
                 share *= 0.4;
                 // A share s of a step to the minimum of a parabola brings 1 - (1 - s)^2 of what the whole does.
-                if share * (2.0 - share) * promise < 2.0 * CONVERGED {
+                if share * (2.0 - share) * promise < 2.0 * settings.converged_nats {
                     break;
                 }
                 let Some((back, target)) = best.as_ref().map(|b| &b.point).zip(target.as_ref()) else {
@@ -340,7 +335,9 @@ impl Search<'_> {
                 members: fit.members.clone(),
                 data,
             });
-            if promised < 2.0 * CONVERGED || log_evidence + SURPRISE.0 * 0.5 * promised + SURPRISE.1 < least {
+            if promised < 2.0 * settings.converged_nats
+                || log_evidence + BENT * 0.5 * promised + settings.doubt_nats < least
+            {
                 break;
             }
             point = between(&here, &next, share);

@@ -21,7 +21,6 @@ use crate::search::Search;
 use crate::search::prior::log_prior;
 use crate::search::sampled::entered;
 use crate::search::standing::{Converged, Judged, JudgedFit, Likelihoods};
-use crate::verdict::posterior::WORTH_MENTIONING;
 use crate::{DiagnosisError, Progress};
 
 /// Sets that are judged at most, besides that of no effects.
@@ -29,10 +28,6 @@ const MOST_JUDGED: usize = 12;
 /// Sets of so many effects the samples add none to.
 const MOST_EFFECTS: usize = 3;
 
-/// Recordings show a parameter if they leave it less than this share of its deviation: half a tenth of its information is theirs.
-const UNSHOWN: f64 = 0.975;
-/// Values stand when a step promises less than this (natural logarithm): a tenth of what is worth a mention.
-const STANDS_NATS: f64 = 0.3;
 /// Levels of noise are found anew so often at most. It bounds work: how far from the likeliest a fit may end by it was not measured.
 const ROUNDS: usize = 3;
 
@@ -87,7 +82,7 @@ impl Search<'_> {
         let Some(mut judgement) = judgement else { return self.settle_most_probable() };
         while let Some((set, larger)) = self.next_to_judge().or_else(|| self.next_rival()) {
             if self.is_ruled_out(&set.names) {
-                self.fitted.remove(&set.names);
+                self.forget(&set.names);
                 continue;
             }
             let Some(fewer) = judgement.left.checked_sub(1) else { break };
@@ -117,7 +112,7 @@ impl Search<'_> {
             let Some(fit) = most.judged.as_ref().map(|judged| &judged.fit) else { break };
             let beside = DiagnosisError::possible(self.beside(&most, fit, judgement.judge.training))?;
             let Some(beside) = beside.flatten() else { break };
-            let asked = beside.asked();
+            let asked = beside.asked(&self.options.settings);
             self.besides.push(beside);
             for asked in asked.iter().filter(|_| most.names.len() < MOST_EFFECTS) {
                 let Some(fewer) = judgement.left.checked_sub(1) else { break };
@@ -156,7 +151,7 @@ impl Search<'_> {
 
     /// Of the sets that are not much less probable than the most probable one, the first that was not judged.
     fn next_rival(&self) -> Option<(Converged, Option<Vec<String>>)> {
-        let least = self.most_probable()?.log_posterior() + WORTH_MENTIONING.ln();
+        let least = self.most_probable()?.log_posterior() + self.options.settings.worth_mentioning.ln();
         let is_open =
             |set: &&Converged| set.judged.is_none() && !set.names.is_empty() && set.log_posterior() > least;
         let open = self.admissible().filter(is_open);
@@ -199,7 +194,7 @@ impl Search<'_> {
     /// Beside sets that were judged none is believed that was not: bins may promise more than the samples hold.
     fn forget_what_was_not_judged(&mut self) {
         while let Some((set, _)) = self.next_rival() {
-            self.fitted.remove(&set.names);
+            self.forget(&set.names);
         }
     }
 
@@ -232,7 +227,7 @@ impl Judge<'_> {
         let held_out = self.follow_held_out(&refit, &fitted.at, &[])?;
         let found = likelihoods(&fitted, &held_out);
         let deviations = fitted.covariance.diagonal().map(f64::sqrt);
-        let shown = deviations.iter().map(|deviation| *deviation < UNSHOWN).collect();
+        let shown = deviations.iter().map(|deviation| *deviation < search.options.settings.unshown).collect();
         Ok((Alone { fit: judged_fit(refit, fitted), shown, held_out }, found))
     }
 
@@ -244,7 +239,7 @@ impl Judge<'_> {
     ) -> Result<Fitted, DiagnosisError> {
         let settings = Settings {
             threads: self.threads,
-            fit_stands_nats: STANDS_NATS,
+            fit_stands_nats: refit.reference.settings.converged_nats,
             fit_rounds: ROUNDS,
             ..Settings::default()
         };
@@ -299,7 +294,8 @@ impl Judgement<'_> {
         without.iter_mut().skip(counted).for_each(|units| *units = 0.0);
         let rival = Rival {
             followed: &alone.fit.fitted.followed,
-            log_posterior_needed: alone.fit.fitted.log_posterior - log_prior(&set.names),
+            log_posterior_needed: alone.fit.fitted.log_posterior
+                - log_prior(&set.names, &search.options.settings),
         };
         let fitted = judge.likeliest(&refit, &[found, beside, without], rival)?;
         // Where nothing is gained held-out recordings say nothing of it.

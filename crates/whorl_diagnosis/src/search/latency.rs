@@ -6,18 +6,12 @@
 
 use whorl_dynamics::effects::find;
 
+use crate::Settings;
 use crate::search::Search;
 use crate::search::standing::Standing;
 
 /// Latency far from that with which recordings were laid out \[s\].
 const FAR_S: f64 = 2e-3;
-
-/// Behind the best explanation by less than this share of its evidence, a latency may be the better one where it is not
-/// extrapolated.
-const NEAR_SHARE: f64 = 0.3;
-
-/// Log evidence that is worth laying out recordings anew: odds of 20 to 1.
-const WORTH: f64 = 3.0;
 
 /// Whether a set holds an effect that delays the inertial unit.
 fn holds_latency(names: &[String]) -> bool {
@@ -61,16 +55,16 @@ impl Late {
     }
 
     /// The latency, if it is a good explanation and far from that with which the recordings were laid out.
-    pub fn worth_a_new_layout(&self, laid_out_s: f64) -> Option<f64> {
-        let is_good = self.with - self.base > WORTH
-            && self.best - self.with < NEAR_SHARE * (self.best - self.base).max(0.0);
+    pub fn worth_a_new_layout(&self, laid_out_s: f64, settings: &Settings) -> Option<f64> {
+        let is_good = self.with - self.base > settings.doubt_nats
+            && self.best - self.with < settings.latency_near_share * (self.best - self.base).max(0.0);
         self.late_s.filter(|late_s| is_good && (late_s - laid_out_s).abs() > FAR_S)
     }
 
     /// Whether the latency is better than all else in the mean of recordings laid out for it, which these are, and of
     /// those laid out without: each layout favours its own, alike.
-    pub fn explains_more_than_others(&self, without: &Self) -> bool {
-        self.holds_latency && self.lead + without.lead > 2.0 * WORTH
+    pub fn explains_more_than_others(&self, without: &Self, settings: &Settings) -> bool {
+        self.holds_latency && self.lead + without.lead > 2.0 * settings.doubt_nats
     }
 }
 

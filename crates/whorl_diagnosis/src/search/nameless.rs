@@ -11,8 +11,8 @@ use std::sync::Arc;
 use nalgebra::DVector;
 
 use crate::DiagnosisError;
-use crate::evidence::discrepancy::{Discrepancy, RELATIVE_ERRORS};
-use crate::evidence::nuisance::{NAMELESS, Nuisance};
+use crate::evidence::discrepancy::Discrepancy;
+use crate::evidence::nuisance::Nuisance;
 use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::hypothesis::Hypothesis;
 use crate::explanations::shapes::{Column, Law, Shape, columns_of, laws, shapes, stray};
@@ -29,9 +29,6 @@ use crate::whitening::filter::About;
 
 /// Prior sizes that are tried, in units of a law's columns.
 const SIZES: [f64; 4] = [0.3, 3.0, 30.0, 300.0];
-
-/// A point whose misfit is this near the minimum is at it.
-const NEAR: f64 = 20.0;
 
 /// Size of a free torque from which a climb to the likeliest begins, as steps: far below, its likelihood is flat.
 const FIRST_STEPS: [u8; 2] = [4, 8];
@@ -109,6 +106,7 @@ impl Search<'_> {
 
     /// Laws of simple shape beside a set, with this noise.
     fn laws_beside(&self, at: &Converged, nuisance: Nuisance) -> Result<Vec<Nameless>, DiagnosisError> {
+        let settings = &self.options.settings;
         let groups = shapes(self.place());
         let columns = columns_of(&groups);
         let laws = laws(&groups, &columns);
@@ -147,15 +145,17 @@ impl Search<'_> {
         let penalty: f64 = own.iter().map(|i| values[*i].powi(2) / known(*i).unwrap_or(1.0)).sum();
         let at_point = joint.normal.misfit_at(&values) + penalty;
         let at_minimum = joint.normal.sum_of_squares - without.drop;
-        let misfit = if at_point - at_minimum < NEAR { at_minimum } else { at_point };
+        // A point whose misfit is this near the minimum is at it.
+        let near = 2.0 * settings.window_nats;
+        let misfit = if at_point - at_minimum < near { at_minimum } else { at_point };
         let relinearised = without.log_evidence - 0.5 * without.drop - 0.5 * misfit
             + joint.log_density
             + choices
             + problem.log_prior(nuisance)
-            - (RELATIVE_ERRORS.len() as f64).ln();
+            - (settings.model_discrepancies.len() as f64).ln();
         // The set itself was weighed with its own noise.
         let alone = if nuisance == at.standing.nuisance { at.standing.log_evidence } else { relinearised };
-        let price = NAMELESS.ln() - ((laws.len() * SIZES.len()) as f64).ln();
+        let price = settings.unmodelled.ln() - ((laws.len() * SIZES.len()) as f64).ln();
         let scored =
             threads::map(self.problem.threads, &laws, |law| beside(&joint.normal, &own, law, &known));
         let excess = (joint.normal.sum_of_squares - without.drop - joint.normal.rows).max(1.0);
@@ -277,7 +277,8 @@ fn joined(
         let widened = old.widened(active, responses, total, colours, problem.threads);
         let combined = std::slice::from_ref(&widened.whitened);
         let (node_s, width) = ([run.node_s()], widened.width());
-        let discrepancy = Discrepancy::new(combined, &node_s, &signals, width, problem.threads);
+        let block_s = problem.reference.settings.model_discrepancy_s;
+        let discrepancy = Discrepancy::new(combined, &node_s, &signals, width, block_s, problem.threads);
         let (of_run, gained) = discrepancy.integrated(&widened.normal(problem.threads), relative_error);
         log_density += gained;
         widened.add_unfilled(&of_run, &mut normal);

@@ -1,14 +1,17 @@
 //! Which sets of explanations come near the best one: proposals from a regression of all effects, each fitted and weighed
 //! where it fits best. The search only proposes; what is believed follows from the weights ([`crate::verdict::posterior`]).
 
+use std::collections::BTreeMap;
+
 use whorl_dynamics::effects::Rhythm;
 
+use crate::diagnosis::FittedSet;
 use crate::evidence::colour::Colours;
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::{Dataset, Problem, Trust};
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, Member};
-use crate::explanations::lines::{CERTAIN, Lines};
+use crate::explanations::lines::Lines;
 use crate::explanations::place::Place;
 use crate::parameters::Point;
 use crate::parameters::available::Available;
@@ -21,27 +24,11 @@ use crate::search::standing::{Converged, Fitted};
 use crate::search::step::{NO_FIT, base_point_with, dataset, regression_at};
 use crate::{DiagnosisError, Options, Progress};
 
-/// Sets that may come so near the best one in log evidence are fitted and weighed: odds of 20,000 to 1, and as much again
-/// for what a regression far from the optimum misjudges.
-const WINDOW: f64 = 10.0;
-
-/// A fit that promises so much more has not come to its minimum.
-pub(crate) const UNFINISHED: f64 = 2.0;
-
-/// Larger sets that come no nearer than this add nothing.
-const NOTHING_ADDED: f64 = 3.0;
-
 /// Sets that are fitted in each round beside the declared rivals of the best one, at most.
 const MOST_PROPOSALS: usize = 4;
 
 /// Rounds of proposals, at most.
 const MOST_ROUNDS: usize = 6;
-
-/// A rest of this many standard deviations is worth the columns of hidden states.
-const SOMETHING_LEFT: f64 = 3.0;
-
-/// So is log evidence of this size for any effect.
-const FAINT: f64 = 3.0;
 
 /// The search's state: where the model is, and the regression there.
 pub(crate) struct Search<'a> {
@@ -69,6 +56,10 @@ pub(crate) struct Search<'a> {
     pub fitted: Fitted,
     /// What the samples say beside sets that were judged.
     pub besides: Vec<Beside>,
+    /// Log evidence in bins of each of them.
+    pub of_bins: BTreeMap<Vec<String>, f64>,
+    /// Sets that were fitted and are not compared any more.
+    pub forgotten: Vec<FittedSet>,
     /// The best set with an inertial latency.
     pub late: Option<Lateness>,
 }
@@ -124,6 +115,8 @@ impl<'a> Search<'a> {
             base,
             fitted: Fitted::new(),
             besides: Vec::new(),
+            of_bins: BTreeMap::new(),
+            forgotten: Vec::new(),
             late: None,
         })
     }
@@ -209,15 +202,20 @@ impl<'a> Search<'a> {
         for round in 0..MOST_ROUNDS {
             progress(Progress { share: 0.6 + 0.05 * round as f64, doing: "comparing explanations" });
             let proposals = self.proposals(round == 0);
-            if round > 0 && self.standing(&self.base).is_some_and(|s| s.promise > UNFINISHED) {
+            if round > 0
+                && self
+                    .standing(&self.base)
+                    .is_some_and(|s| s.promise > 2.0 * self.options.settings.unfinished_nats)
+            {
                 // The base model did not come to its minimum from where it began; from here it may.
                 let base = self.base.clone();
                 if let Some(converged) = self.converge(&base)? {
                     self.remember(converged);
                 }
             }
-            let least =
-                self.standing(&self.best).map_or(f64::NEG_INFINITY, |s| s.training_evidence - 2.0 * WINDOW);
+            let least = self
+                .standing(&self.best)
+                .map_or(f64::NEG_INFINITY, |s| s.training_evidence - 2.0 * self.options.settings.window_nats);
             let fitted: Vec<Converged> =
                 self.converge_all(&proposals, least)?.into_iter().flatten().collect();
             for converged in &fitted {
@@ -291,6 +289,7 @@ impl<'a> Search<'a> {
     /// Sets that may come near the best one and were not weighed: with one effect more, one less, or another in the place
     /// of one. The declared rivals of its members are among them however little they promise.
     fn proposals(&self, with_pairs: bool) -> Vec<Hypothesis> {
+        let settings = &self.options.settings;
         let mut all = self.additions(&self.best);
         if with_pairs {
             all.extend(self.strong_pair(&all));
@@ -313,16 +312,16 @@ impl<'a> Search<'a> {
                 all.push(rest);
             }
         }
-        let weight = |h: &Hypothesis| h.log_evidence + log_prior(&h.names(&self.layout));
+        let weight = |h: &Hypothesis| h.log_evidence + log_prior(&h.names(&self.layout), settings);
         let is_new = |h: &Hypothesis| {
             // One that did not come to its minimum may from here.
-            let is_finished = self.standing(h).is_some_and(|s| s.promise < UNFINISHED);
+            let is_finished = self.standing(h).is_some_and(|s| s.promise < 2.0 * settings.unfinished_nats);
             h.members.len() <= self.options.largest_set && !is_finished && !h.members.is_empty()
         };
         let leading = weight(&self.best);
         // What adds nothing loses by little more than its prior, and there are dozens of such.
-        let window =
-            |h: &Hypothesis| if h.members.len() > self.best.members.len() { NOTHING_ADDED } else { WINDOW };
+        let is_larger = |h: &Hypothesis| h.members.len() > self.best.members.len();
+        let window = |h: &Hypothesis| if is_larger(h) { settings.doubt_nats } else { settings.window_nats };
         let is_open = |h: &Hypothesis| is_new(h) && !self.is_ruled_out(&h.names(&self.layout));
         all.retain(|h| weight(h) > leading - window(h) && is_open(h));
         all.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
@@ -342,8 +341,9 @@ impl<'a> Search<'a> {
     /// Of the best single effects two together, if they explain far more than any of them: a pair can beat the best single
     /// effect that neither of the two is.
     fn strong_pair(&self, additions: &[Hypothesis]) -> Option<Hypothesis> {
+        let window_nats = self.options.settings.window_nats;
         let best_single = additions.first()?.log_evidence;
-        if best_single <= self.base.log_evidence + 2.0 * WINDOW {
+        if best_single <= self.base.log_evidence + 2.0 * window_nats {
             return None;
         }
         let singles: Vec<usize> =
@@ -359,7 +359,7 @@ impl<'a> Search<'a> {
         })
         .into_iter()
         .flatten()
-        .filter(|h| h.members.len() == 2 && h.log_evidence > best_single + WINDOW)
+        .filter(|h| h.members.len() == 2 && h.log_evidence > best_single + window_nats)
         .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
     }
 
@@ -368,11 +368,13 @@ impl<'a> Search<'a> {
         let additions = self.additions(&self.base);
         let left = rest(self.problem, &self.data, &self.layout, &self.base);
         self.lines = crate::explanations::spectrum::lines(self.place(), &self.base);
-        let faint = additions.first().is_some_and(|h| h.log_evidence - self.base.log_evidence > FAINT);
+        let settings = &self.options.settings;
+        let faint =
+            additions.first().is_some_and(|h| h.log_evidence - self.base.log_evidence > settings.doubt_nats);
         if faint
             || !self.lines.modes.is_empty()
-            || self.lines.strongest > 0.8 * CERTAIN
-            || left[worst(&left)].significance() > SOMETHING_LEFT
+            || self.lines.strongest > 0.8 * settings.certain_stddevs
+            || left[worst(&left)].significance() > settings.noticed_stddevs
             || self.has_faint_line()?
         {
             progress(Progress { share: 0.55, doing: "looking for lines and hidden states" });

@@ -12,11 +12,10 @@ use whorl_recording::Recording;
 
 use crate::evidence::problem::{Dataset, FREE_RATE_WALK, Trust};
 use crate::evidence::regression::{BLOCKS_PER_RUN, Normal};
-use crate::explanations::candidates::SHOWS;
 use crate::explanations::hypothesis::Hypothesis;
 use crate::parameters::available::Available;
 use crate::search::Search;
-use crate::search::prior::{SURE, log_prior};
+use crate::search::prior::log_prior;
 use crate::search::step::regression_at;
 use crate::{DiagnosisError, Options, prepare};
 
@@ -169,22 +168,22 @@ fn go_to_leading(search: &mut Search<'_>, explanations: &[Vec<String>]) -> Resul
 }
 
 /// Lead in log posterior from which an explanation is sure.
-fn sure_lead() -> f64 {
-    (SURE / (1.0 - SURE)).ln()
+fn sure_lead(sure: f64) -> f64 {
+    (sure / (1.0 - sure)).ln()
 }
 
 /// Probability that an explanation that is expected to lead a rival so far in log evidence and in the misfit becomes sure.
 /// What noise does to a lead in log evidence has a variance of twice its mean, which is half the lead in the misfit; and an
 /// expectation that is linear in the effect's size, for a motion that the effect itself will change, is right to half of
 /// its size.
-fn probability_of_telling(lead: (f64, f64)) -> f64 {
+fn probability_of_telling(lead: (f64, f64), sure: f64) -> f64 {
     let drop = lead.1.max(0.0);
-    normal_probability((lead.0 - sure_lead()) / (1.0 + drop + (0.25 * drop).powi(2)).sqrt())
+    normal_probability((lead.0 - sure_lead(sure)) / (1.0 + drop + (0.25 * drop).powi(2)).sqrt())
 }
 
 /// Log posterior of an explanation in the present regression, up to a constant.
 fn weight(search: &Search<'_>, hypothesis: &Hypothesis) -> f64 {
-    hypothesis.log_evidence + log_prior(&hypothesis.names(&search.layout))
+    hypothesis.log_evidence + log_prior(&hypothesis.names(&search.layout), &search.options.settings)
 }
 
 /// A set of effects fitted to the data at hand; `None` if they cannot enter.
@@ -227,6 +226,7 @@ fn prospect(
     rivals: &[Hypothesis],
     weights: &[f64],
 ) -> Prospect {
+    let settings = &search.options.settings;
     let (mut odds, mut told, mut sum) = (0.0, 0.0, 0.0);
     for (truth, (hypothesis, share)) in rivals.iter().zip(weights).enumerate() {
         // What the added data are expected to hold if this one is true.
@@ -245,7 +245,7 @@ fn prospect(
             .collect();
         let Some(least) = leads.iter().map(|l| l.0).min_by(f64::total_cmp) else { continue };
         odds += share * least;
-        told += share * leads.iter().map(|l| probability_of_telling(*l)).fold(1.0, f64::min);
+        told += share * leads.iter().map(|l| probability_of_telling(*l, settings.sure)).fold(1.0, f64::min);
         sum += share;
     }
     let mean = |of: f64| (sum > 0.0).then(|| of / sum);
@@ -260,7 +260,7 @@ fn prospect(
         let columns = candidate.options.first().map_or(&[][..], Vec::as_slice);
         let largest =
             columns.iter().filter_map(|i| search.layout.detectability(&both, *i)).fold(0.0, f64::max);
-        let list = if largest > SHOWS { &mut shown } else { &mut not_shown };
+        let list = if largest > settings.clear_misfit { &mut shown } else { &mut not_shown };
         list.push(candidate.id.to_owned());
     }
     Prospect { log_odds, told_apart, shown, not_shown }
@@ -272,11 +272,11 @@ mod tests {
 
     #[test]
     fn what_becomes_just_sure_is_told_in_half_of_the_cases() {
-        let sure = super::sure_lead();
+        let sure = super::sure_lead(0.95);
         assert!((sure - 2.944).abs() < 1e-3);
-        assert!((probability_of_telling((sure, 2.0 * sure)) - 0.5).abs() < 1e-6);
-        assert!(probability_of_telling((0.0, 0.0)) < 0.01);
-        let far = [6.0, 12.0, 400.0].map(|lead| probability_of_telling((lead, 2.0 * lead)));
+        assert!((probability_of_telling((sure, 2.0 * sure), 0.95) - 0.5).abs() < 1e-6);
+        assert!(probability_of_telling((0.0, 0.0), 0.95) < 0.01);
+        let far = [6.0, 12.0, 400.0].map(|lead| probability_of_telling((lead, 2.0 * lead), 0.95));
         assert!(far[0] > 0.6 && far[0] < far[1] && far[1] < far[2] && far[2] > 0.95, "{far:?}");
     }
 }

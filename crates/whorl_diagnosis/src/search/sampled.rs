@@ -7,24 +7,20 @@ use std::collections::BTreeMap;
 
 use whorl_dynamics::Effect;
 use whorl_dynamics::effects::Role;
-use whorl_prediction::Settings;
+use whorl_prediction::Settings as OfPredictor;
 use whorl_recording::Recording;
 
-use crate::DiagnosisError;
+use crate::{DiagnosisError, Settings};
 use crate::evidence::regression::{Estimate, Normal};
-use crate::explanations::hypothesis::{Hypothesis, Member};
+use crate::explanations::hypothesis::{Hypothesis, Member, rarity_nats};
 use crate::parameters::Column;
 use crate::refit::{Entered, Refit};
 use crate::search::Search;
 use crate::search::prior::log_prior;
 use crate::search::standing::{Converged, JudgedFit};
-use crate::verdict::posterior::WORTH_MENTIONING;
 
-/// Prior sizes that are tried, in units of the catalogue's, and what each costs (natural logarithm): a hundred times is as rare as in
-/// the search.
-const SIZES: [(f64, f64); 3] = [(1.0, 0.0), (10.0, 0.0), (100.0, -4.6)];
-/// Effects that promise less than the best one by this are not looked at (natural logarithm), as in the search.
-const WINDOW: f64 = 10.0;
+/// Prior sizes that are tried, in units of the catalogue's.
+const SIZES: [f64; 3] = [1.0, 10.0, 100.0];
 /// Effects that are looked at at most.
 const MOST_ASKED: usize = 3;
 
@@ -64,20 +60,20 @@ pub(crate) struct Beside {
 
 impl Beside {
     /// Effects beside the set, the most promising first.
-    pub fn asked(&self) -> Vec<Asked> {
+    pub fn asked(&self, settings: &Settings) -> Vec<Asked> {
         let mut asked: Vec<Asked> = self
             .offered
             .iter()
             .filter_map(|effect| {
-                let (gain, size, columns) = self.gain_of(&effect.columns)?;
-                let promise = gain - self.without + log_prior(&[effect.id]);
+                let (gain, size, columns) = self.gain_of(&effect.columns, settings)?;
+                let promise = gain - self.without + log_prior(&[effect.id], settings);
                 let indices = columns.iter().map(|i| self.columns[*i].index).collect();
                 Some(Asked { id: effect.id, entered: Entered { indices, size }, promise })
             })
             .filter(|asked| asked.promise > 0.0)
             .collect();
         asked.sort_by(|a, b| b.promise.total_cmp(&a.promise));
-        let least = asked.first().map_or(0.0, |best| best.promise - WINDOW);
+        let least = asked.first().map_or(0.0, |best| best.promise - settings.window_nats);
         asked.retain(|one| one.promise >= least);
         asked.truncate(MOST_ASKED);
         asked
@@ -85,7 +81,7 @@ impl Beside {
 
     /// Whether a set is not worth a mention beside one of this log posterior: if it holds the set that the samples were asked about,
     /// and besides only effects that are linear in what they were asked for. Far from an optimum sums may promise half.
-    fn rules_out(&self, names: &[String], most: f64) -> bool {
+    fn rules_out(&self, names: &[String], most: f64, settings: &Settings) -> bool {
         let is_own = |name: &String| self.names.contains(name);
         if names.len() <= self.names.len() || !self.names.iter().all(|name| names.contains(name)) {
             return false;
@@ -97,16 +93,16 @@ impl Beside {
             return false;
         };
         let columns: Vec<usize> = offered.iter().flat_map(|effect| effect.columns.iter().copied()).collect();
-        let Some((gain, ..)) = self.gain_of(&columns) else { return false };
+        let Some((gain, ..)) = self.gain_of(&columns, settings) else { return false };
         let gain = gain - self.without;
-        let most_gained = if gain > WINDOW { 2.0 * gain } else { gain };
-        let promise = most_gained + log_prior(names) - log_prior(&self.names);
-        self.log_posterior + promise < most + WORTH_MENTIONING.ln()
+        let most_gained = if gain > settings.window_nats { 2.0 * gain } else { gain };
+        let promise = most_gained + log_prior(names, settings) - log_prior(&self.names, settings);
+        self.log_posterior + promise < most + settings.worth_mentioning.ln()
     }
 
     /// Log evidence with more columns, at the size that is likeliest, and those with which they enter: what would have values that no
     /// platform has leaves.
-    fn gain_of(&self, further: &[usize]) -> Option<(f64, f64, Vec<usize>)> {
+    fn gain_of(&self, further: &[usize], settings: &Settings) -> Option<(f64, f64, Vec<usize>)> {
         let known = |i: usize| self.stddevs[i].powi(2);
         let with = |entered: &[usize], size: f64| {
             let is_own = |i: &&usize| **i < self.own.len();
@@ -125,7 +121,7 @@ impl Beside {
             Estimate::new(&normal, &all, variance).map(|found| (found.log_evidence + saved, found))
         };
         let mut best: Option<(f64, f64, Vec<usize>)> = None;
-        for (size, price) in SIZES {
+        for size in SIZES {
             let mut entered = further.to_vec();
             while !entered.is_empty() {
                 let Some((log_evidence, found)) = with(&entered, size) else { break };
@@ -134,7 +130,7 @@ impl Beside {
                     (least..=most).contains(&(self.at[*i] + found.of(*i)))
                 };
                 if entered.iter().all(is_possible) {
-                    let gain = log_evidence + price;
+                    let gain = log_evidence - rarity_nats(size, settings);
                     if best.as_ref().is_none_or(|(most, ..)| gain > *most) {
                         best = Some((gain, size, entered.clone()));
                     }
@@ -151,7 +147,8 @@ impl Search<'_> {
     /// Whether the samples leave a set too little to be worth a mention beside the most probable one that was judged.
     pub(crate) fn is_ruled_out(&self, names: &[String]) -> bool {
         let Some(most) = self.most_probable_judged().map(Converged::log_posterior) else { return false };
-        self.besides.iter().any(|beside| beside.rules_out(names, most))
+        let settings = &self.options.settings;
+        self.besides.iter().any(|beside| beside.rules_out(names, most, settings))
     }
 
     /// What the samples say beside a set that was fitted to them.
@@ -214,7 +211,7 @@ impl Search<'_> {
             refit.stddevs.push(stddev);
             at.push(0.0);
             let place = at.len() - 1;
-            let step = Settings::default().fit_difference * stddev.min(1.0);
+            let step = OfPredictor::default().fit_difference * stddev.min(1.0);
             let is_possible = [step, -step].into_iter().any(|step| {
                 let mut moved = at.clone();
                 moved[place] = step;

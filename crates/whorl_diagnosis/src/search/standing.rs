@@ -19,9 +19,8 @@ use crate::search::Search;
 use crate::search::prior::{is_no_echo, log_prior, smaller_sets};
 use crate::search::step::NO_FIT;
 
-/// What a fit may still gain: so many times what its next step promises, and this much log evidence. Steps promise
-/// what straight formulas would bring, and formulas bend.
-pub(crate) const SURPRISE: (f64, f64) = (4.0, 3.0);
+/// What a fit may still gain, over what its next step promises: steps promise what straight formulas would bring, and formulas bend.
+pub(crate) const BENT: f64 = 4.0;
 
 /// How a set explains the data at its own point.
 #[derive(Debug, Clone, Copy)]
@@ -48,8 +47,8 @@ pub(crate) struct Standing {
 impl Standing {
     /// What it is worth to believe: a fit that ended before its minimum is given what its next step promised, as far as
     /// straight formulas can be trusted.
-    pub fn worth(&self) -> f64 {
-        self.log_evidence + (0.5 * self.promise).min(SURPRISE.1)
+    pub fn worth(&self, settings: &crate::Settings) -> f64 {
+        self.log_evidence + (0.5 * self.promise).min(settings.doubt_nats)
     }
 
     fn likelihoods(&self) -> Likelihoods {
@@ -101,6 +100,8 @@ pub(crate) struct Converged {
     pub motions: Arc<Vec<Motion>>,
     pub layout: Layout,
     pub members: Vec<Member>,
+    /// Standard deviation of each column of the layout, in its units; 0 = it takes no part.
+    pub stddevs: Vec<f64>,
     /// Colours beside which it was weighed, of training runs
     pub colours: Colours,
     /// and of held-out ones.
@@ -178,7 +179,8 @@ impl Converged {
 
     /// Log posterior, up to a constant.
     pub fn log_posterior(&self) -> f64 {
-        self.standing.worth() + log_prior(&self.names)
+        let settings = &self.layout.settings;
+        self.standing.worth(settings) + log_prior(&self.names, settings)
     }
 }
 
@@ -199,7 +201,7 @@ impl Search<'_> {
             Hypothesis::of(&self.layout, &self.data.total, members).unwrap_or_else(|| self.base.clone());
         // What does not stand where it was fitted explains nothing.
         if self.best.names(&self.layout) != converged.names {
-            self.fitted.remove(&converged.names);
+            self.forget(&converged.names);
         }
         Ok(())
     }
@@ -221,7 +223,16 @@ impl Search<'_> {
         self.watch_latency(&converged.names, converged.standing.log_evidence, &converged.point);
         let known = self.fitted.get(&converged.names);
         if known.is_none_or(|known| converged.standing.log_evidence >= known.standing.log_evidence) {
+            self.of_bins.insert(converged.names.clone(), converged.standing.log_evidence);
             self.fitted.insert(converged.names.clone(), converged);
+        }
+    }
+
+    /// Compares a set no more.
+    pub(crate) fn forget(&mut self, names: &[String]) {
+        if let Some(set) = self.fitted.remove(names) {
+            let set = self.traced_set(&set, 0.0);
+            self.forgotten.push(set);
         }
     }
 
@@ -236,7 +247,7 @@ impl Search<'_> {
         let smaller = smaller_sets(&set.names).chain([Vec::new()]);
         let explains = |names: Vec<String>| self.fitted.get(&names).is_none_or(|s| set.explains_more(s));
         smaller.into_iter().all(explains)
-            && is_no_echo(&set.names, set.standing.log_evidence, |names| {
+            && is_no_echo(&set.names, set.standing.log_evidence, &self.options.settings, |names| {
                 standing(names).map(|s| s.log_evidence)
             })
     }

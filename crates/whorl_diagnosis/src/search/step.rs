@@ -10,7 +10,7 @@ use crate::DiagnosisError;
 use crate::evidence::colour::Colours;
 use crate::evidence::problem::{Dataset, FREE_RATE_WALK, Problem, Trust};
 use crate::explanations::candidates::Layout;
-use crate::explanations::hypothesis::{Hypothesis, TOGETHER};
+use crate::explanations::hypothesis::Hypothesis;
 use crate::parameters::available::Available;
 use crate::parameters::{Point, Target};
 use crate::search::climb::Sizes;
@@ -34,7 +34,7 @@ pub(crate) fn dataset(
     let wide: Vec<f64> = layout
         .columns
         .iter()
-        .map(|c| if c.base_stddev > 0.0 { 2.0 * c.catalogue_stddev } else { TOGETHER })
+        .map(|c| if c.base_stddev > 0.0 { 2.0 * c.catalogue_stddev } else { layout.settings.unusual_size })
         .map(|stddev| stddev * stddev)
         .collect();
     let data = problem.dataset(whitened, layout.columns.len(), &wide, colours);
@@ -119,7 +119,7 @@ fn base_layout(problem: &Problem, available: &Available) -> Layout {
     let columns = problem.reference.base_columns(available);
     let columns: Vec<_> = columns.into_iter().filter(|c| c.base_stddev > 0.0).collect();
     let base = (0..columns.len()).collect();
-    Layout { columns, base, candidates: Vec::new() }
+    Layout { columns, base, candidates: Vec::new(), settings: problem.reference.settings }
 }
 
 pub(crate) fn smooth_all(

@@ -13,7 +13,6 @@ use crate::explanations::shapes::{At, columns_of, laws, push, shapes};
 use crate::search::Search;
 use crate::search::nameless::{Nameless, beside};
 use crate::search::standing::{Converged, JudgedFit};
-use crate::verdict::posterior::WORTH_MENTIONING;
 
 impl Search<'_> {
     /// Takes from laws beside a set what the samples do not say.
@@ -23,7 +22,8 @@ impl Search<'_> {
         found: &mut Vec<Nameless>,
         training: &[Recording],
     ) -> Result<(), DiagnosisError> {
-        let is_likely = |law: &Nameless| law.log_evidence > at.standing.log_evidence + WORTH_MENTIONING.ln();
+        let least = at.standing.log_evidence + self.options.settings.worth_mentioning.ln();
+        let is_likely = |law: &Nameless| law.log_evidence > least;
         if !found.iter().any(is_likely) {
             return Ok(());
         }

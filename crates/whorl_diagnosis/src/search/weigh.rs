@@ -11,7 +11,7 @@ use nalgebra::DVector;
 use whorl_dynamics::effects::{BasePrior, Role};
 
 use crate::DiagnosisError;
-use crate::evidence::discrepancy::{Discrepancy, RELATIVE_ERRORS, Signal};
+use crate::evidence::discrepancy::{Discrepancy, Signal};
 use crate::evidence::problem::{Dataset, Problem, Trust};
 use crate::evidence::regression::Normal;
 use crate::explanations::candidates::Layout;
@@ -75,7 +75,8 @@ impl Problem {
     pub(crate) fn discrepancy(&self, data: &Dataset, point: &Point, layout: &Layout) -> Discrepancy {
         let node_s: Vec<f64> = self.runs.iter().map(crate::layout::run::Run::node_s).collect();
         let signals = self.signals(point, layout);
-        Discrepancy::new(&data.whitened, &node_s, &signals, layout.columns.len(), self.threads)
+        let block_s = self.reference.settings.model_discrepancy_s;
+        Discrepancy::new(&data.whitened, &node_s, &signals, layout.columns.len(), block_s, self.threads)
     }
 
     /// The normal equations of a regression with errors of formulas of this relative size integrated out, and what the
@@ -117,6 +118,16 @@ impl Both<'_> {
     }
 }
 
+/// Standard deviation of each column in a fit; 0 = it takes no part.
+fn deviations(fit: &Hypothesis, columns: usize) -> Vec<f64> {
+    let covariance = fit.estimate.covariance();
+    let mut stddevs = vec![0.0; columns];
+    for (at, column) in fit.estimate.active.iter().enumerate() {
+        stddevs[*column] = covariance[(at, at)].max(0.0).sqrt();
+    }
+    stddevs
+}
+
 impl Search<'_> {
     /// Weighs a set where it fits best, with the noise that is likeliest there.
     pub(crate) fn weighed(
@@ -147,19 +158,21 @@ impl Search<'_> {
             None => None,
         };
         let both = Both { set: &set, of_data, held };
-        let standings: Vec<Standing> =
-            RELATIVE_ERRORS.iter().filter_map(|error| self.standing_with(&both, *error)).collect();
-        let Some(best) = standings.iter().copied().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
-        else {
+        let discrepancies = &self.options.settings.model_discrepancies;
+        let standings: Vec<(Standing, Hypothesis)> =
+            discrepancies.iter().filter_map(|error| self.standing_with(&both, *error)).collect();
+        let of = |standing: &(Standing, Hypothesis)| standing.0.log_evidence;
+        let Some((best, fit)) = standings.iter().max_by(|a, b| of(a).total_cmp(&of(b))) else {
             return Ok(None);
         };
         // Each error is as likely as the others.
-        let sum: f64 = standings.iter().map(|s| (s.log_evidence - best.log_evidence).exp()).sum();
-        let choices = (RELATIVE_ERRORS.len() as f64).ln();
+        let sum: f64 = standings.iter().map(|s| (of(s) - best.log_evidence).exp()).sum();
+        let choices = (discrepancies.len() as f64).ln();
         let standing = Standing {
             log_evidence: best.log_evidence + sum.ln() - choices + problem.log_prior(set.nuisance),
-            ..best
+            ..*best
         };
+        let stddevs = deviations(fit, set.layout.columns.len());
         let held_colours = both.held.map(|(data, _)| data.colours);
         let Descended { names, point, motions, layout, members, data, .. } = set;
         let colours = data.colours;
@@ -170,14 +183,15 @@ impl Search<'_> {
             motions,
             layout,
             members,
+            stddevs,
             colours,
             held_colours,
             judged: None,
         }))
     }
 
-    /// How a set stands with formulas that err by so much.
-    fn standing_with(&self, both: &Both<'_>, relative_error: f64) -> Option<Standing> {
+    /// How a set stands with formulas that err by so much, and its fit to the training data.
+    fn standing_with(&self, both: &Both<'_>, relative_error: f64) -> Option<(Standing, Hypothesis)> {
         let set = both.set;
         let layout = &set.layout;
         let (training, log_density, all, log_density_of_all) = both.integrated(relative_error);
@@ -199,7 +213,7 @@ impl Search<'_> {
             held.add(&training, -1.0);
             log_density_of_all - log_density - 0.5 * held.misfit_at(&values)
         });
-        Some(Standing {
+        let standing = Standing {
             log_evidence: occam + log_density_of_all - 0.5 * joint_misfit,
             training_evidence: set.log_evidence,
             log_likelihood: log_density - 0.5 * misfit,
@@ -208,6 +222,7 @@ impl Search<'_> {
             promise: set.promise,
             relative_error,
             nuisance: set.nuisance,
-        })
+        };
+        Some((standing, own))
     }
 }

@@ -13,5 +13,6 @@ mod residual;
 mod slopes;
 mod starts;
 mod ties;
+mod trace;
 mod uncertainty;
 mod whitening;

@@ -9,36 +9,18 @@ use whorl_recording::{Channel, Component, Recording};
 use crate::diagnosis::{
     BackgroundTorque, Candidate, Explanation, NoiseScale, ParameterEstimate, SlowResidual, Unknown,
 };
-use crate::evidence::nuisance::{LARGE, NAMELESS};
 use crate::evidence::problem::{Dataset, Problem};
 use crate::evidence::regression::{BLOCKS_PER_RUN, Estimate};
-use crate::explanations::candidates::SHOWS;
 use crate::explanations::hypothesis::Hypothesis;
 use crate::explanations::vibration::fast_effects;
 use crate::search::Search;
 use crate::search::nameless::Nameless;
-use crate::search::prior::OTHER_LAW;
-use crate::search::prior::log_prior;
+use crate::search::prior::{log_prior, of_other_law};
 use crate::search::rest::{momentum_rms, rest, worst};
 use crate::search::standing::Converged;
 use crate::search::step::point_of;
 use crate::verdict::posterior::{Belief, Weighted};
 use crate::{Diagnosis, DiagnosisError, NextManoeuvre, SCHEMA, Verdict};
-
-/// An unexplained rest of this many standard deviations is real.
-const REAL_REST: f64 = 8.0;
-
-/// From here on what is left is compared with laws that have no name.
-const SOMETHING_LEFT: f64 = 3.0;
-
-/// Formulas that must err by so much call for a comparison with laws that have no name.
-const ROUGH: f64 = 0.05;
-
-/// Usual factor between stated and true noise.
-const NOISE_FACTOR: f64 = 1.3;
-
-/// So many of these factors are beyond belief.
-const FAR: f64 = 3.0;
 
 impl Search<'_> {
     /// The slow residual before and after.
@@ -80,7 +62,11 @@ impl Search<'_> {
         let (evidence, drop) = self.advantage(with, without);
         let rows = self.data.total.rows;
         // Where nothing is named, what is within chance is no excess.
-        let chance = if self.best.members.is_empty() { 3.0 * (2.0 * rows).sqrt() } else { 1.0 };
+        let chance = if self.best.members.is_empty() {
+            self.options.settings.noticed_stddevs * (2.0 * rows).sqrt()
+        } else {
+            1.0
+        };
         let excess = (self.data.total.sum_of_squares - self.base.estimate.drop - rows)
             .max(chance)
             .max(self.advantage(&self.best, &self.base).1)
@@ -123,6 +109,7 @@ impl Search<'_> {
         let weighted = |set: &Converged| Weighted {
             effects: set.names.clone(),
             unknown: self.large_background(set),
+            is_law: false,
             log_posterior: set.log_posterior(),
             probability: 0.0,
         };
@@ -130,7 +117,7 @@ impl Search<'_> {
     }
 
     /// A slow random torque that is more than background: what the samples show beside a set, or bins where they were not asked.
-    fn large_background(&self, set: &Converged) -> Option<Unknown> {
+    pub(crate) fn large_background(&self, set: &Converged) -> Option<Unknown> {
         let of_bins = || self.problem.background(set.standing.nuisance).stddev_n_m;
         let stddev_n_m = set.judged.as_ref().map_or_else(of_bins, |judged| judged.fit.torque_n_m());
         self.problem.is_large_torque(stddev_n_m).then(|| Unknown::torque_in_time(stddev_n_m))
@@ -139,6 +126,10 @@ impl Search<'_> {
     /// What is believed of the data: sets of the catalogue's effects, and where something is left, laws without a name
     /// beside the best of them and alone.
     fn belief(&mut self, left: f64, training: &[Recording]) -> Result<Belief, DiagnosisError> {
+        let options = self.options;
+        let settings = &options.settings;
+        // Formulas that are likeliest to err by so much call for a comparison with laws that have no name.
+        let rough = 0.5 * settings.model_discrepancies.last().copied().unwrap_or(0.0);
         let mut all = Vec::new();
         let standing = self.standing(&self.best);
         let rhythm = self.rhythm();
@@ -147,12 +138,13 @@ impl Search<'_> {
             all.push(Weighted {
                 effects: self.best.names(&self.layout),
                 unknown: Some(unknown),
-                log_posterior: best + NAMELESS.ln() + log_evidence,
+                is_law: true,
+                log_posterior: best + settings.unmodelled.ln() + log_evidence,
                 probability: 0.0,
             });
         }
-        let is_clean = standing.is_some_and(|s| s.nuisance.torque == 0 && s.relative_error < ROUGH)
-            && left < SOMETHING_LEFT
+        let is_clean = standing.is_some_and(|s| s.nuisance.torque == 0 && s.relative_error < rough)
+            && left < settings.noticed_stddevs
             && rhythm.is_none()
             // Errors of sensors may come and go too fast to leave a slow rest.
             && !self.best.members.is_empty()
@@ -162,8 +154,9 @@ impl Search<'_> {
             self.lines = crate::explanations::spectrum::lines(self.place(), &self.best);
             let mut anchors = vec![self.best.clone()];
             // Alone, where the best set does not explain the data.
-            let is_poor =
-                left > REAL_REST || standing.is_none_or(|s| s.relative_error > ROUGH) || rhythm.is_some();
+            let is_poor = left > settings.real_rest_stddevs
+                || standing.is_none_or(|s| s.relative_error > rough)
+                || rhythm.is_some();
             if !self.best.members.is_empty() && is_poor {
                 anchors.push(self.base.clone());
             }
@@ -174,22 +167,23 @@ impl Search<'_> {
                 let explained = at.standing.log_evidence
                     - self.standing(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
                 // What is left of a set is another law's only where it is a good part of it.
-                let least_n_m = LARGE * self.problem.torques.body_n_m;
+                let least_n_m = settings.background_share * self.problem.torques.body_n_m;
                 let is_apart = |law: &Nameless| {
                     let is_large = law.unknown.unit != "N m" || law.unknown.size > least_n_m;
                     let gain = law.log_evidence - at.standing.log_evidence;
-                    at.names.is_empty() || (is_large && gain > OTHER_LAW * explained)
+                    at.names.is_empty() || (is_large && gain > of_other_law(settings) * explained)
                 };
                 all.extend(nameless.into_iter().filter(is_apart).map(|law| Weighted {
-                    log_posterior: law.log_evidence + log_prior(&law.beside),
+                    log_posterior: law.log_evidence + log_prior(&law.beside, settings),
                     effects: law.beside,
                     unknown: Some(law.unknown),
+                    is_law: true,
                     probability: 0.0,
                 }));
             }
         }
         all.extend(self.weighed_sets());
-        Ok(Belief::new(all))
+        Ok(Belief::new(all, settings))
     }
 
     /// Noise of each channel of each run over what the model states. Innovations below the measured noise are not its doing.
@@ -224,6 +218,7 @@ impl Search<'_> {
     /// Runs that disagree with the others: a fit to the others does not predict them, or they need a noise far from what
     /// is stated and from what the others need.
     fn odd_runs(&self, noise: &[NoiseScale]) -> Vec<String> {
+        let settings = &self.options.settings;
         let runs = self.problem.runs.len();
         if runs < 3 {
             return Vec::new();
@@ -251,10 +246,12 @@ impl Search<'_> {
                 .map(|n| {
                     let others = noise.iter().filter(|o| o.channel == n.channel && o.run != n.run);
                     let usual = median(others.map(|o| o.scale.ln())).max(0.0);
-                    (n.scale.ln() - usual) / NOISE_FACTOR.ln()
+                    (n.scale.ln() - usual) / settings.noise_factor.ln()
                 })
                 .fold(0.0, f64::max);
-            if disagreement > 2.0 * parameters + 60.0 || of_noise > FAR {
+            if disagreement > 2.0 * (parameters + settings.clear_misfit)
+                || of_noise > settings.noticed_stddevs
+            {
                 odd.push((disagreement.max(of_noise), run.name.clone()));
             }
         }
@@ -312,6 +309,7 @@ impl Search<'_> {
         direct.extend(seen.rows);
         let contradiction = self.contradiction();
         let belief = self.belief(left, training)?;
+        let fitted = self.traced(&belief);
         let mut verdict = belief.verdict(self.could_have_seen());
         for row in &direct {
             remarks.push(format!(
@@ -368,7 +366,7 @@ impl Search<'_> {
             list.dedup();
             row.indistinguishable_from = list;
         }
-        if left > REAL_REST && verdict == Verdict::Named {
+        if left > self.options.settings.real_rest_stddevs && verdict == Verdict::Named {
             remarks.push(format!(
                 "{:.0} % of the excess remains unexplained, above the noise",
                 100.0 * (1.0 - share)
@@ -400,6 +398,7 @@ impl Search<'_> {
             next: self.advice(verdict, &candidates),
             candidates,
             remarks,
+            fitted,
         })
     }
 
@@ -415,7 +414,7 @@ impl Search<'_> {
             tested += 1;
             let largest =
                 columns.iter().filter_map(|i| self.layout.detectability(normal, *i)).fold(0.0, f64::max);
-            if largest > SHOWS {
+            if largest > self.options.settings.clear_misfit {
                 seen += 1;
             }
         }

@@ -5,19 +5,15 @@ use whorl_dynamics::effects::{Sighting, catalogue};
 use crate::Unknown;
 use crate::diagnosis::{Candidate, ParameterEstimate};
 use crate::evidence::problem::Problem;
-use crate::explanations::lines::CERTAIN;
 use crate::explanations::spectrum::lines;
 use crate::parameters::Point;
 use crate::search::Search;
 use crate::search::step::point_of;
 
-/// Power of the attitude sensors' residual against the gyro that no noise has.
-const CONTRADICTION: f64 = 2.5;
-
 /// Power of what the other sensors say against the gyro, if no motion at all fits both.
 fn contradicting_power(problem: &Problem, point: &Point) -> Option<f64> {
     let power = problem.kinematic_power(point).unwrap_or(1.0);
-    (power > CONTRADICTION).then_some(power)
+    (power > problem.reference.settings.contradiction_power).then_some(power)
 }
 
 impl Search<'_> {
@@ -40,7 +36,8 @@ impl Search<'_> {
     /// a normal variable, less the number of frequencies at which it might have been.
     pub(crate) fn rhythm(&self) -> Option<(Unknown, f64)> {
         let lines = lines(self.place(), &self.best);
-        let least = if self.best.members.is_empty() { 1.5 } else { 2.0 } * CERTAIN;
+        let least =
+            if self.best.members.is_empty() { 1.5 } else { 2.0 } * self.options.settings.certain_stddevs;
         if lines.strongest < least {
             return None;
         }

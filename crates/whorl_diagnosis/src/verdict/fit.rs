@@ -4,14 +4,7 @@ use whorl_dynamics::Effect;
 
 use crate::DiagnosisError;
 use crate::search::Search;
-use crate::search::proposals::UNFINISHED;
 use crate::search::step::point_of;
-
-/// Standard deviations of its prior beyond which no moment of inertia is,
-const BEYOND_BELIEF: f64 = 5.0;
-/// and the least that one counts for, as a share of the moment: what CAD is good for. Priors that an earlier fit has
-/// left are tighter than what changes from day to day.
-const LEAST_STDDEV: f64 = 0.05;
 
 impl Search<'_> {
     /// Makes these effects, and only these, the best hypothesis, and converges on them.
@@ -34,7 +27,7 @@ impl Search<'_> {
             self.best = next;
         }
         // A second time where the first did not come to its minimum.
-        if self.relinearise()?.promise > UNFINISHED {
+        if self.relinearise()?.promise > 2.0 * self.options.settings.unfinished_nats {
             self.relinearise()?;
         }
         self.regress_held()
@@ -44,12 +37,12 @@ impl Search<'_> {
     /// bend the model until something is named, and whatever that is, it is not what the model lacks.
     pub(crate) fn beyond_belief(&self) -> Option<String> {
         let point = point_of(self.problem, &self.layout, &self.point, &self.best);
-        let reference = &self.problem.reference;
+        let (reference, settings) = (&self.problem.reference, &self.options.settings);
         let inertia = reference.model.mass_properties.inertia_b_kg_m2();
         (0..3).zip(["xx", "yy", "zz"]).zip(point.moments).find_map(|((axis, name), moved)| {
             let given = inertia[(axis, axis)];
-            let stddev = reference.prior.inertia_b_kg_m2[(axis, axis)].max(LEAST_STDDEV * given);
-            (moved.abs() > BEYOND_BELIEF * stddev).then(|| {
+            let stddev = reference.prior.inertia_b_kg_m2[(axis, axis)].max(settings.least_inertia_share * given);
+            (moved.abs() > settings.other_platform_stddevs * stddev).then(|| {
                 format!(
                     "the fit requires a moment of inertia {name} of {:.2} kg m^2, but the model says {given:.2} +- {stddev:.2}",
                     given + moved

@@ -25,8 +25,6 @@ use crate::search::Search;
 const TURNS_SHARE: f64 = 0.02;
 /// Samples in which a gimbal turns that a fit needs.
 const FEWEST: usize = 200;
-/// Standard deviations that a friction must be away from the model's.
-const CERTAIN_STDDEVS: f64 = 6.0;
 
 /// Samples of one gimbal in which it turns: what is measured, and the columns J, c, b, T.
 #[derive(Default)]
@@ -49,7 +47,9 @@ impl Search<'_> {
             for (run, motion) in self.problem.runs.iter().zip(self.problem.motions.iter()) {
                 rows.add(run, motion, &self.problem.reference.model, gyro);
             }
-            let Some(row) = rows.candidate(*effect, &self.problem.reference.model, gyro, gyros) else {
+            let certain = self.options.settings.certain_stddevs;
+            let Some(row) = rows.candidate(*effect, &self.problem.reference.model, gyro, gyros, certain)
+            else {
                 continue;
             };
             found = Some(match found {
@@ -117,6 +117,7 @@ impl Rows {
         model: &whorl_dynamics::PlatformModel,
         gyro: usize,
         gyros: usize,
+        certain_stddevs: f64,
     ) -> Option<Candidate> {
         let n = self.left_n_m.len();
         if n < FEWEST {
@@ -135,7 +136,7 @@ impl Rows {
         let strongest = significance(2).max(significance(3));
         let gain = 0.5 * worth * (misfit_0 / misfit_1.max(f64::MIN_POSITIVE)).ln();
         let evidence = gain - worth.ln() - (gyros as f64).ln();
-        if !(strongest > CERTAIN_STDDEVS && evidence > 0.0) {
+        if !(strongest > certain_stddevs && evidence > 0.0) {
             return None;
         }
         // What the first half teaches, on the second.
@@ -154,7 +155,7 @@ impl Rows {
                 estimate,
                 stddev,
                 at_bound: estimate != with[i],
-                smallest_detectable: CERTAIN_STDDEVS * stddev,
+                smallest_detectable: certain_stddevs * stddev,
             }
         });
         Some(Candidate {
@@ -227,14 +228,14 @@ mod tests {
     #[test]
     fn drag_is_found_with_its_size_and_none_where_there_is_none() {
         let effect = find("gimbal_friction").unwrap();
-        let found = rows(0.01, 0.02, 1).candidate(effect, &model(), 0, 1).unwrap();
+        let found = rows(0.01, 0.02, 1).candidate(effect, &model(), 0, 1, 5.5).unwrap();
         for (parameter, truth) in found.parameters.iter().zip([0.01, 0.02]) {
             let off = (parameter.estimate - truth) / parameter.stddev;
             assert!(off.abs() < 4.0 && parameter.stddev < 0.1 * truth, "{parameter:?}");
         }
         assert!(found.held_out_gain > 10.0 && found.delta_log_evidence > 100.0);
         for seed in 0..20 {
-            assert!(rows(0.0, 0.0, seed).candidate(effect, &model(), 0, 1).is_none(), "{seed}");
+            assert!(rows(0.0, 0.0, seed).candidate(effect, &model(), 0, 1, 5.5).is_none(), "{seed}");
         }
     }
 }

@@ -1,7 +1,7 @@
 //! What is believed: the posterior over sets of explanations.
 
+use crate::Settings;
 use crate::diagnosis::{Unknown, Verdict};
-use crate::search::prior::SURE;
 
 /// One explanation of the data and its weight.
 #[derive(Debug, Clone)]
@@ -9,13 +9,12 @@ pub(crate) struct Weighted {
     pub effects: Vec<String>,
     /// What it holds that has no name.
     pub unknown: Option<Unknown>,
+    /// A law beside a set, not a set that was fitted.
+    pub is_law: bool,
     /// Log posterior, up to a constant.
     pub log_posterior: f64,
     pub probability: f64,
 }
-
-/// Explanations below this are not mentioned.
-pub(crate) const WORTH_MENTIONING: f64 = 1e-3;
 
 /// Explanations with their probabilities, most probable first.
 pub(crate) fn normalised(mut all: Vec<Weighted>) -> Vec<Weighted> {
@@ -37,18 +36,31 @@ pub(crate) struct Belief {
     pub unknown: f64,
     /// Probability that nothing is missing.
     pub nothing: f64,
+    /// Probability that makes an answer.
+    sure: f64,
+    /// Logarithm of the sum of all weights.
+    log_sum: f64,
+    /// Laws beside sets, likely or not, most probable first.
+    pub laws: Vec<Weighted>,
 }
 
 impl Belief {
-    pub fn new(all: Vec<Weighted>) -> Self {
+    pub fn new(all: Vec<Weighted>, settings: &Settings) -> Self {
         let mut all = normalised(all);
         let sum = |test: &dyn Fn(&Weighted) -> bool| -> f64 {
             all.iter().filter(|w| test(w)).map(|w| w.probability).sum()
         };
         let unknown = sum(&|w| w.unknown.is_some());
         let nothing = sum(&|w| w.unknown.is_none() && w.effects.is_empty());
-        all.retain(|w| w.probability > WORTH_MENTIONING);
-        Self { all, unknown, nothing }
+        let log_sum = all.first().map_or(0.0, |most| most.log_posterior - most.probability.ln());
+        let laws = all.iter().filter(|w| w.is_law).cloned().collect();
+        all.retain(|w| w.probability > settings.worth_mentioning);
+        Self { all, unknown, nothing, sure: settings.sure, log_sum, laws }
+    }
+
+    /// Probability of an explanation with this log posterior.
+    pub fn probability(&self, log_posterior: f64) -> f64 {
+        (log_posterior - self.log_sum).exp()
     }
 
     /// The named sets, most probable first, that together with all else that is more probable make up what is sure.
@@ -60,7 +72,7 @@ impl Belief {
                 sets.push(one.effects.clone());
             }
             sum += one.probability;
-            if sum >= SURE {
+            if sum >= self.sure {
                 break;
             }
         }
@@ -73,14 +85,14 @@ impl Belief {
             return Verdict::Unknown;
         }
         let named = 1.0 - self.unknown - self.nothing;
-        if self.nothing >= SURE && could_see {
+        if self.nothing >= self.sure && could_see {
             return Verdict::NothingMissing;
         }
-        if self.nothing > 1.0 - SURE || named <= 0.5 {
+        if self.nothing > 1.0 - self.sure || named <= 0.5 {
             return Verdict::NotEnoughInformation;
         }
         match self.all.first() {
-            Some(first) if first.probability >= SURE && first.unknown.is_none() => Verdict::Named,
+            Some(first) if first.probability >= self.sure && first.unknown.is_none() => Verdict::Named,
             _ => Verdict::Confounded,
         }
     }
@@ -94,6 +106,7 @@ mod tests {
         Weighted {
             effects: effects.iter().map(|e| (*e).to_owned()).collect(),
             unknown: None,
+            is_law: false,
             log_posterior: probability.ln(),
             probability: 0.0,
         }
@@ -102,13 +115,17 @@ mod tests {
     #[test]
     fn a_verdict_is_read_off_the_probabilities() {
         let verdict = |list: &[(&[&str], f64)]| {
-            Belief::new(list.iter().map(|(set, p)| weighted(set, *p)).collect()).verdict(true)
+            let all = list.iter().map(|(set, p)| weighted(set, *p)).collect();
+            Belief::new(all, &Settings::default()).verdict(true)
         };
         assert_eq!(verdict(&[(&["a"], 0.97), (&["b"], 0.02), (&[], 0.01)]), Verdict::Named);
         assert_eq!(verdict(&[(&["a"], 0.70), (&["b"], 0.29), (&[], 0.01)]), Verdict::Confounded);
         assert_eq!(verdict(&[(&["a"], 0.20), (&[], 0.80)]), Verdict::NotEnoughInformation);
         assert_eq!(verdict(&[(&["a"], 0.03), (&[], 0.97)]), Verdict::NothingMissing);
-        let belief = Belief::new(vec![weighted(&["b"], 0.3), weighted(&["a"], 0.6), weighted(&["c"], 0.1)]);
+        let belief = Belief::new(
+            vec![weighted(&["b"], 0.3), weighted(&["a"], 0.6), weighted(&["c"], 0.1)],
+            &Settings::default(),
+        );
         assert_eq!(belief.contenders(), [["a"], ["b"], ["c"]]);
         assert!((belief.all[0].probability - 0.6).abs() < 1e-12);
     }

@@ -16,10 +16,6 @@ use crate::search::Search;
 use crate::whitening::columns::predict;
 use crate::whitening::mechanics::Mechanics;
 
-/// Shortest window \[s\]: pulses of attitude jets are shorter, or at most a little longer. Two more windows are
-/// twice and four times as long.
-const WINDOW_S: f64 = 0.25;
-
 /// Windows of each length that a run set must have: the spread of a variance of fewer is no better than a
 /// third.
 const LEAST_WINDOWS: f64 = 20.0;
@@ -66,7 +62,7 @@ pub(crate) fn pulses(search: &Search<'_>) -> Result<Option<String>, DiagnosisErr
     let mut names: Vec<&str> = Vec::new();
     for (run, motion) in runs {
         let rate = Unexplained::new(run, motion, &mechanics);
-        let shortest = ((WINDOW_S / run.length(0)).round() as usize).max(2);
+        let shortest = ((search.options.settings.pulse_window_s / run.length(0)).round() as usize).max(2);
         let mut own = [Curvature::default(); 3];
         for ((sum, own), times) in scales.iter_mut().zip(&mut own).zip([1, 2, 4]) {
             rate.add(shortest * times, own);

@@ -7,7 +7,7 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::{Fast, fast_part};
+use super::Fast;
 use crate::layout::run::Run;
 use crate::whitening::mechanics::Mechanics;
 
@@ -60,12 +60,11 @@ pub(super) fn take_off(fast: &mut Fast<'_>, mechanics: &Mechanics) {
         }
     }
     for sensor in 0..2 {
-        let there = fast.there[sensor].clone();
         let columns: Vec<Vec<f64>> = inputs
             .iter()
             .map(|input| {
                 let mut column = input.clone();
-                fast_part(&mut column, &there, fast.step_s);
+                fast.fast_part(&mut column, sensor, 0);
                 column
             })
             .collect();

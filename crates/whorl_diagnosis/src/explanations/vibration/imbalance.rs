@@ -5,8 +5,7 @@ use whorl_dynamics::Effect;
 use whorl_dynamics::effects::Part;
 use whorl_math::unit_or;
 
-use super::{Fast, fast_part, parameter, row};
-use super::{LEAST_DROP, LEAST_EVIDENCE};
+use super::{Fast, parameter, row};
 use crate::diagnosis::Candidate;
 use crate::whitening::mechanics::Mechanics;
 
@@ -16,22 +15,20 @@ const BESIDE: [f64; 4] = [0.79, 0.9, 1.11, 1.23];
 /// An imbalance may be anything within this factor: from a balanced flywheel to a bent one.
 const SIZES_OF_IMBALANCE: f64 = 1e4;
 
-/// Wheel angles integrated from their speeds stay good for this long \[s\].
-const COHERENT_S: f64 = 30.0;
-
 /// The wheel whose turning shows in the gyro, and the row that says so; what it explains is taken off the samples.
 pub(super) fn imbalance(
     runs: &mut [Fast<'_>],
     mechanics: &Mechanics,
     effect: &dyn Effect,
 ) -> Option<(usize, Candidate)> {
+    let settings = runs.first()?.settings;
     let wheels = mechanics.model().wheels().len();
     let all_fits = |wheel: usize, order: f64| -> Vec<Fit> {
         runs.iter().flat_map(|fast| wheel_fits(fast, mechanics, wheel, order)).collect()
     };
     let found = (0..wheels).filter_map(|wheel| {
         let mut fits = all_fits(wheel, 1.0);
-        if one_size(&fits)?.0 > LEAST_EVIDENCE {
+        if one_size(&fits)?.0 > settings.window_nats {
             // Where noise is louder than its high frequencies say, so is a rhythm that the wheel does not have.
             let beside: Vec<f64> =
                 BESIDE.iter().flat_map(|order| all_fits(wheel, *order)).map(|f| f.drop).collect();
@@ -46,7 +43,7 @@ pub(super) fn imbalance(
     });
     let (evidence, size, wheel, fits) = found.max_by(|a, b| a.0.total_cmp(&b.0))?;
     let drop = fits.iter().map(|f| f.drop).sum::<f64>() - 2.0 * fits.len() as f64;
-    if evidence < LEAST_EVIDENCE || drop < LEAST_DROP {
+    if evidence < settings.window_nats || drop < settings.clear_misfit {
         return None;
     }
     let mut next = fits.iter();
@@ -131,7 +128,7 @@ struct Fit {
 }
 
 fn stretches(fast: &Fast<'_>) -> Vec<(usize, usize)> {
-    let length = (COHERENT_S / fast.step_s) as usize;
+    let length = (fast.settings.wheel_angle_s / fast.step_s) as usize;
     let count = (fast.len() as f64 / length.max(1) as f64).round().max(1.0) as usize;
     (0..count).map(|i| (i * fast.len() / count, (i + 1) * fast.len() / count)).collect()
 }
@@ -176,7 +173,7 @@ fn wheel_signals(
     }
     for (i, pair) in signals.iter_mut().enumerate() {
         for signal in pair {
-            fast_part(signal, &fast.there[0][from..to], fast.step_s);
+            fast.fast_part(signal, 0, from);
             signal.iter_mut().for_each(|x| *x /= fast.stddev[i]);
         }
     }

@@ -6,12 +6,8 @@ use nalgebra::Complex;
 use whorl_dynamics::Effect;
 
 use super::{Fast, parameter, row};
-use super::{LEAST_DROP, LEAST_EVIDENCE};
 use crate::diagnosis::{Candidate, ParameterEstimate};
 use crate::explanations::spectrum::Spectrum;
-
-/// Slower lines belong to the regression \[Hz\].
-const SLOWEST_HZ: f64 = 4.0;
 
 /// Turns of the iteration that finds one motion of the sensors in all runs.
 const MOST_TURNS: usize = 60;
@@ -117,7 +113,7 @@ pub(super) fn vibration(runs: &[Fast<'_>], effect: &dyn Effect, names: &Names) -
                 fast.channel.iter().map(|c| c.iter().zip(gate).map(|(x, g)| x * g).collect()).collect();
             spectrum.add_of(&gated, open, fast.step_s / first.step_s);
         }
-        for peak in spectrum.peaks(first.step_s, SLOWEST_HZ) {
+        for peak in spectrum.peaks(first.step_s, first.settings.slowest_vibration_hz) {
             // The best frequency near the peak.
             let spacing_hz = 1.0 / (size as f64 * first.step_s);
             for i in -4..=4 {
@@ -135,7 +131,7 @@ pub(super) fn vibration(runs: &[Fast<'_>], effect: &dyn Effect, names: &Names) -
     // Each of the frequencies, with valves open and always, might have been it.
     let evidence = surprise - (first.len() as f64).ln();
     let drop = 2.0 * (power - (5 + runs.len()) as f64);
-    if evidence < LEAST_EVIDENCE || drop < LEAST_DROP {
+    if evidence < first.settings.window_nats || drop < first.settings.clear_misfit {
         return None;
     }
     let phases = line.one_motion().1;

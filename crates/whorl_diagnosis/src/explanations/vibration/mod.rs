@@ -11,6 +11,7 @@ use whorl_dynamics::Effect;
 use whorl_dynamics::effects::{Sighting, catalogue};
 use whorl_trajectory::noise::typical_step_s;
 
+use crate::Settings;
 use crate::diagnosis::{Candidate, ParameterEstimate};
 use crate::explanations::place::Place;
 use crate::layout::motion::Motion;
@@ -19,21 +20,13 @@ use crate::parameters::Point;
 use crate::whitening::columns::predict;
 use crate::whitening::mechanics::Mechanics;
 
-/// Log evidence that a fast effect must have: odds of 20,000 to 1.
-const LEAST_EVIDENCE: f64 = 10.0;
-
-/// Drop of the misfit that it must bring.
-const LEAST_DROP: f64 = 30.0;
-
-/// The mean over this much on both sides is taken off every sample \[s\].
-const HALF_WINDOW_S: f64 = 0.15;
-
 /// Samples of a run on an even grid, at most: stamps may hold anything.
 const MOST_SAMPLES: f64 = 4e6;
 
 /// The fast part of the samples of one run on an even grid, in standard deviations of their noise; lost
 /// samples are zero. First the gyro's axes, then the accelerometer's.
 struct Fast<'a> {
+    settings: Settings,
     run: &'a Run,
     motion: &'a Motion,
     start_s: f64,
@@ -45,7 +38,7 @@ struct Fast<'a> {
 }
 
 impl<'a> Fast<'a> {
-    fn new(run: &'a Run, motion: &'a Motion, mechanics: &Mechanics) -> Option<Self> {
+    fn new(run: &'a Run, motion: &'a Motion, mechanics: &Mechanics, settings: Settings) -> Option<Self> {
         if run.clamped || run.raw_gyro.len() < 500 {
             return None;
         }
@@ -81,13 +74,19 @@ impl<'a> Fast<'a> {
         let stddev: [f64; 6] =
             std::array::from_fn(|c| if c < 3 { noise.gyro[c] } else { noise.accel[c - 3] }.max(1e-12));
         for (c, values) in channel.iter_mut().enumerate() {
-            fast_part(values, &there[c / 3], step_s);
+            fast_part(values, &there[c / 3], step_s, half_window_s(&settings));
             // An edge of a jet is no vibration.
             values.iter_mut().for_each(|x| *x = (*x / stddev[c]).clamp(-5.0, 5.0));
         }
-        let mut fast = Self { run, motion, start_s, step_s, channel, there, stddev };
+        let mut fast = Self { settings, run, motion, start_s, step_s, channel, there, stddev };
         commands::take_off(&mut fast, mechanics);
         Some(fast)
+    }
+
+    /// Takes the mean of the surroundings off a series of the gyro or of the accelerometer, from this sample on.
+    fn fast_part(&self, values: &mut [f64], sensor: usize, from: usize) {
+        let there = &self.there[sensor][from..from + values.len()];
+        fast_part(values, there, self.step_s, half_window_s(&self.settings));
     }
 
     fn time(&self, index: usize) -> f64 {
@@ -142,9 +141,14 @@ fn sample_clock(stamps_s: &[f64]) -> Option<(f64, f64)> {
     Some((start_s, step_s))
 }
 
+/// The mean over this much on both sides is taken off every sample \[s\].
+fn half_window_s(settings: &Settings) -> f64 {
+    0.6 / settings.slowest_vibration_hz
+}
+
 /// Takes the mean of the surroundings off every value.
-fn fast_part(values: &mut [f64], there: &[bool], step_s: f64) {
-    let half = (HALF_WINDOW_S / step_s).round().max(2.0) as usize;
+fn fast_part(values: &mut [f64], there: &[bool], step_s: f64, half_window_s: f64) {
+    let half = (half_window_s / step_s).round().max(2.0) as usize;
     let mut sums = Vec::with_capacity(values.len() + 1);
     sums.push((0.0, 0.0));
     let (mut sum, mut count) = (0.0, 0.0);
@@ -209,7 +213,7 @@ pub(crate) fn fast_effects(place: Place<'_>, point: &Point, exclude: &[String]) 
         .runs
         .iter()
         .zip(place.problem.motions.iter())
-        .filter_map(|(run, motion)| Fast::new(run, motion, &mechanics))
+        .filter_map(|(run, motion)| Fast::new(run, motion, &mechanics, place.problem.reference.settings))
         .collect();
     let mut seen = Seen::default();
     // What turns with a wheel is taken off the samples before a line of its own is looked for.

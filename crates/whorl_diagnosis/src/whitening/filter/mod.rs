@@ -82,6 +82,12 @@ pub(crate) struct Settings {
     pub wheel_noise: f64,
     /// Least random walk of the gyro's bias [rad/s/sqrt(s)].
     pub gyro_bias_walk: f64,
+    /// A body that turns slower may stand still, held by dry friction [rad/s],
+    pub stands_rad_s: f64,
+    /// and a wheel [rad/s].
+    pub wheel_stands_rad_s: f64,
+    /// Time over which dry friction at standstill changes its pull \[s\].
+    pub sticks_s: f64,
 }
 
 impl Settings {

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_math::{azimuth_rad, vertical_b};
 
-use super::{ACCEL_BIAS, ANGLE, GYRO_BIAS, RATE, System, WHEEL};
+use super::{ACCEL_BIAS, ANGLE, GYRO_BIAS, RATE, Settings, System, WHEEL};
 
 /// Rates and wheel speeds, the states that torques turn.
 const TURNED: usize = 3 + MAX_WHEELS;
@@ -36,9 +36,6 @@ fn state(i: usize) -> usize {
     if i < 3 { RATE + i } else { WHEEL + i - 3 }
 }
 
-/// A body that turns slower than this may stand still, as far as a gyro's noise lets one see [rad/s].
-const STANDS_RAD_S: f64 = 3e-3;
-
 /// An interval so long is a gap \[s\]: what happened within is beyond one step of the equations,
 const GAP_S: f64 = 0.5;
 
@@ -47,9 +44,6 @@ const GAP: f64 = 5.0;
 
 /// Walk of the rates while the torques are not known [rad/s/sqrt(s)]: any motion that a platform makes.
 const BLIND_WALK: f64 = 1.0;
-
-/// Time over which dry friction at standstill changes its pull \[s\].
-const STICKS_S: f64 = 0.1;
 
 /// How far the attitude that the first readings give may be off \[rad\].
 const TILT_RAD: f64 = 0.2;
@@ -102,14 +96,15 @@ impl System<'_> {
     /// Random-walk intensity of the rate while dry friction holds the body: what it pulls then balances all
     /// else, up to its size either way, and no formula of the measured rate gives it [rad/s/sqrt(s)].
     pub(crate) fn stiction_walk(&self, k: usize) -> f64 {
-        let Some(rate) = self.motion.omega_mid.get(k).map(|w| w.norm()).filter(|w| *w < STANDS_RAD_S) else {
+        let Settings { stands_rad_s, sticks_s, .. } = self.settings;
+        let Some(rate) = self.motion.omega_mid.get(k).map(|w| w.norm()).filter(|w| *w < stands_rad_s) else {
             return 0.0;
         };
         let effects = self.mechanics.gyrostat.effects().iter();
         let torque_n_m: f64 = effects.map(|a| a.effect().holding_torque_n_m(a.values())).sum();
         // The formula comes into its own as the body gets going.
-        let share = 1.0 - rate / STANDS_RAD_S;
-        share * torque_n_m * self.mechanics.inverse_inertia().trace() / 3.0 * (2.0 * STICKS_S).sqrt()
+        let share = 1.0 - rate / stands_rad_s;
+        share * torque_n_m * self.mechanics.inverse_inertia().trace() / 3.0 * (2.0 * sticks_s).sqrt()
     }
 
     /// Whether the torques of interval `k` are not known: after a gap any motion is possible, and so it is where the
@@ -175,11 +170,11 @@ impl System<'_> {
                 (2.0 * wheel.coulomb_friction_n_m).max(0.02 * wheel.max_torque_n_m)
             } else if self.mechanics.sticks(self.run, wheel, k, speed, motor) {
                 // The faster it seems to turn, the less sure it is that it stands.
-                let moves = (speed / self.run.standstill_rad_s()).abs().min(1.0);
+                let moves = (speed / self.run.standstill_rad_s(s.wheel_stands_rad_s)).abs().min(1.0);
                 s.wheel_noise.max(moves * either_way)
             } else {
                 // Just off standstill friction is still not what it is at speed.
-                let off = (self.run.standstill_rad_s() / speed).powi(2).min(1.0);
+                let off = (self.run.standstill_rad_s(s.wheel_stands_rad_s) / speed).powi(2).min(1.0);
                 s.wheel_noise.max(off * either_way)
             };
             let intensity = intensity.max(self.run.wheel_jitter[j]);

@@ -1,0 +1,126 @@
+//! Settings of the diagnosis as a file: the numbers that a verdict depends on.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::bail;
+use whorl_diagnosis::Settings;
+use whorl_params::{ParameterTree, Value};
+
+/// Section of the file.
+const SECTION: &str = "diagnosis";
+
+/// Columns of a comment.
+const WIDTH: usize = 110;
+
+/// Settings as a file that [`read`] reads, the meaning of each above it.
+#[must_use]
+pub fn as_yaml(settings: &Settings) -> String {
+    let mut text = format!("{SECTION}:\n");
+    for setting in settings.listed() {
+        for line in wrapped(&format!("{} Allowed: {}.", setting.doc, setting.allowed)) {
+            // Writing to a String cannot fail.
+            let _ = writeln!(text, "  # {line}");
+        }
+        let value = match setting.values.as_slice() {
+            [one] => format!("{one:?}"),
+            several => format!("{several:?}"),
+        };
+        let _ = writeln!(text, "  {}: {value}", setting.name);
+    }
+    text
+}
+
+/// Words in lines that are not longer than a comment may be.
+fn wrapped(text: &str) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        let is_full = lines.last().is_some_and(|line| !line.is_empty() && line.len() + word.len() >= WIDTH);
+        if is_full {
+            lines.push(String::new());
+        }
+        if let Some(line) = lines.last_mut() {
+            if !line.is_empty() {
+                line.push(' ');
+            }
+            line.push_str(word);
+        }
+    }
+    lines
+}
+
+/// Reads a file of settings; those that it leaves out keep their defaults.
+///
+/// # Errors
+/// When it cannot be read, or a name or a value is not allowed: with file, line and what is allowed.
+pub fn read(path: &Path) -> anyhow::Result<Settings> {
+    let parameters = ParameterTree::load_for(path, SECTION)?;
+    let mut settings = Settings::default();
+    for entry in parameters.iter() {
+        let numbers = match &entry.value {
+            Value::Integer(number) => vec![*number as f64],
+            Value::Double(number) => vec![*number],
+            Value::IntegerArray(numbers) => numbers.iter().map(|number| *number as f64).collect(),
+            Value::DoubleArray(numbers) => numbers.clone(),
+            Value::Bool(_) | Value::String(_) | Value::BoolArray(_) | Value::StringArray(_) => Vec::new(),
+        };
+        if let Err(problem) = settings.set(&entry.key, &numbers) {
+            bail!("{}: {} = {}: {problem}", entry.origin, entry.key, entry.value);
+        }
+    }
+    Ok(settings)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_text(text: &str) -> anyhow::Result<Settings> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("settings.yaml");
+        std::fs::write(&path, text).unwrap();
+        read(&path)
+    }
+
+    #[test]
+    fn what_is_printed_is_read_back() {
+        let mut changed = Settings::default();
+        changed.set("worth_mentioning", &[5e-4]).unwrap();
+        changed.set("memory_samples", &[400.0]).unwrap();
+        changed.set("model_discrepancies", &[0.0, 0.02, 0.06, 0.2]).unwrap();
+        let text = as_yaml(&changed);
+        assert_eq!(read_text(&text).unwrap(), changed);
+        assert!(text.lines().all(|line| line.chars().count() <= WIDTH + 4), "{text}");
+        // Each stands below what it means.
+        let lines: Vec<&str> = text.lines().collect();
+        let at = lines.iter().position(|line| *line == "  sure: 0.95").unwrap();
+        assert_eq!(
+            lines[at - 1],
+            "  # Probability that makes an answer [1]. Convention. Allowed: a number between 0 and 1."
+        );
+    }
+
+    #[test]
+    fn a_file_may_hold_some_and_nothing_that_there_is_not() {
+        let some = read_text("diagnosis:\n  memory_s: 40\n").unwrap();
+        assert_eq!(some, {
+            let mut settings = Settings::default();
+            settings.set("memory_s", &[40.0]).unwrap();
+            settings
+        });
+        for (line, parts) in [
+            (
+                "  memory: 40",
+                ["settings.yaml:2: memory = 40", "allowed: present,", "memory_s, memory_samples"],
+            ),
+            ("  sure: 1.5", ["settings.yaml:2: sure = 1.5", "a number between", "0 and 1"]),
+            ("  sure: often", ["settings.yaml:2: sure = ", "a number between", "0 and 1"]),
+            ("  memory_s: -1", ["settings.yaml:2: memory_s = -1", "a number", "> 0"]),
+        ] {
+            let error = read_text(&format!("diagnosis:\n{line}\n")).unwrap_err().to_string();
+            assert!(parts.iter().all(|part| error.contains(part)), "{error}");
+        }
+        let error = read_text("other:\n  sure: 0.9\n").unwrap_err().to_string();
+        assert!(error.contains("diagnosis"), "{error}");
+    }
+}
