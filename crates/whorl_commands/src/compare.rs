@@ -1,8 +1,10 @@
 //! Answers of `compare` as data.
 
+use std::collections::BTreeMap;
+
 use anyhow::bail;
 use serde_json::json;
-use whorl_explain::adopt::{Values, versions};
+use whorl_explain::adopt::versions;
 use whorl_explain::{Case, ComparedRun, Say, prediction_error};
 use whorl_validation::comparison::PREDICTION_RULE;
 
@@ -16,7 +18,7 @@ const SCHEMA: u32 = 2;
 /// # Errors
 /// When a run cannot be compared, or the parameters cannot be refitted.
 pub fn refitted(case: &Case<'_>, say: &mut Say<'_>) -> anyhow::Result<(Vec<ComparedRun>, Vec<ComparedRun>)> {
-    let (versions, left_out) = versions(case, &[], Values::Likeliest, &options(), say)?;
+    let (versions, left_out) = versions(case, &[], &BTreeMap::new(), &options(), say)?;
     let mut versions = versions.into_iter();
     match (versions.next(), versions.next(), left_out.first()) {
         (Some(given), Some(refitted), _) => Ok((given.runs, refitted.runs)),

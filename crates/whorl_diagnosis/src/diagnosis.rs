@@ -1,6 +1,10 @@
 //! The result of a diagnosis.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
+
+use crate::refit::Fit;
 
 /// Version of the JSON output of [`Diagnosis`].
 pub const SCHEMA: u32 = 2;
@@ -209,6 +213,10 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// Best supported set, ids of the catalogue; empty if none.
     pub effects: Vec<String>,
+    /// The platform's own parameters refitted to the samples alone and with that set, by the sets; none of what was not compared on
+    /// the samples.
+    #[serde(skip)]
+    pub fits: BTreeMap<Vec<String>, Fit>,
     /// Other sets that the data cannot reject, most probable first.
     pub confounded_with: Vec<Vec<String>>,
     /// All sets with a probability worth mentioning, most probable first.
@@ -283,9 +291,11 @@ impl Diagnosis {
             odd_runs: Vec::new(),
             next: None,
             remarks: Vec::new(),
+            fits: BTreeMap::new(),
             fitted: Vec::new(),
         }
     }
+
     /// The sets of effects that a further run should tell apart: those that are left, or where nothing is in doubt the
     /// named one and its nearest rivals, another effect in place of the one that is missed least.
     #[must_use]

@@ -83,20 +83,6 @@ impl<'a> Fitter<'a> {
         Ok(refit.fit(self.training, &starts, self.options)?.1)
     }
 
-    /// The same with values along a smoothed motion alone, without estimates of what they are worth: a first look, in less time.
-    ///
-    /// # Errors
-    /// As [`fit`].
-    pub fn fit_roughly(&self, effects: &[&str]) -> Result<Fit, DiagnosisError> {
-        let chosen = self.chosen(effects)?;
-        if chosen.is_empty() {
-            let refit = self.own_parameters();
-            return refit.without_estimates(&refit.units_of(&self.smoothed()?.1));
-        }
-        let (refit, found) = self.with_first_values(effects, &chosen)?;
-        refit.without_estimates(&found)
-    }
-
     /// Effects of these ids that the model does not have yet.
     fn chosen(&self, effects: &[&str]) -> Result<Vec<&'static dyn Effect>, DiagnosisError> {
         let mut chosen = Vec::new();

@@ -137,6 +137,7 @@ fn answer(
     search.judge_rest(judgement, progress)?;
     progress(Progress { share: 0.95, doing: "writing the answer" });
     let mut diagnosis = search.answer(recordings.0)?;
+    diagnosis.fits = search.fits_of([Vec::new(), diagnosis.effects.clone()])?;
     if let Some(remark) = verdict::unrecorded::pulses(&search)? {
         return Ok(diagnosis.withheld(remark));
     }

@@ -14,7 +14,7 @@ use crate::parameters::{Column, MASS_PROPERTIES, Point, Reference, Target, is_ba
 use crate::{DiagnosisError, Options};
 
 /// A model refitted jointly with effects.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
     /// The platform with base parameters and effects at their estimates.
     pub model: PlatformModel,
@@ -169,17 +169,8 @@ impl<'a> Refit<'a> {
         Gyrostat::new(&model).is_ok().then_some(model)
     }
 
-    /// The model with these values, and what was known of it before.
-    pub fn without_estimates(&self, units: &[f64]) -> Result<Fit, DiagnosisError> {
-        Ok(Fit {
-            model: self.folded(&self.point(units))?,
-            prior: self.reference.prior.clone(),
-            estimates: Vec::new(),
-            is_explained: false,
-        })
-    }
-
-    fn described(&self, fitted: &Fitted) -> Result<Fit, DiagnosisError> {
+    /// The model with fitted values, and what they are worth.
+    pub fn described(&self, fitted: &Fitted) -> Result<Fit, DiagnosisError> {
         let reference = self.reference;
         let point = self.point(&fitted.at);
         let model = self.folded(&point)?;

@@ -4,7 +4,7 @@ use whorl_diagnosis::{Diagnosis, Options, Progress, Verdict};
 use whorl_recording::Mounting;
 use whorl_validation::{SMALL_ERROR, UnexplainedTorques, unexplained_torques};
 
-use crate::adopt::{Values, Version, versions};
+use crate::adopt::{Version, versions};
 use crate::locate::believed;
 use crate::{Case, ExplainError, Say, part};
 
@@ -47,7 +47,7 @@ pub fn diagnose(case: &Case<'_>, options: &Options, say: &mut Say<'_>) -> Result
     drop(search);
     let named = (!diagnosis.effects.is_empty()).then(|| diagnosis.effects.clone());
     let sets: Vec<Vec<String>> = named.into_iter().collect();
-    let (versions, _) = versions(case, &sets, Values::Rough, options, &mut part(say, 0.7, 1.0))?;
+    let (versions, _) = versions(case, &sets, &diagnosis.fits, options, &mut part(say, 0.7, 1.0))?;
     let torque = unexplained(case, &versions);
     Ok(Explanation { diagnosis, versions, torque })
 }

@@ -16,7 +16,7 @@ use whorl_recording::Recording;
 use crate::explanations::candidates::effect;
 use crate::explanations::hypothesis::Member;
 use crate::parameters::available::Available;
-use crate::refit::{Entered, Refit};
+use crate::refit::{Entered, Fit, Refit};
 use crate::search::Search;
 use crate::search::prior::log_prior;
 use crate::search::sampled::entered;
@@ -126,6 +126,21 @@ impl Search<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Models with the values of sets that were judged.
+    pub(crate) fn fits_of(
+        &self,
+        sets: impl IntoIterator<Item = Vec<String>>,
+    ) -> Result<BTreeMap<Vec<String>, Fit>, DiagnosisError> {
+        let mut fits = BTreeMap::new();
+        for names in sets {
+            if let Some(judged) = self.fitted.get(&names).and_then(|set| set.judged.as_ref()) {
+                let fit = judged.fit.refit(&self.problem.reference).described(&judged.fit.fitted)?;
+                fits.insert(names, fit);
+            }
+        }
+        Ok(fits)
     }
 
     /// Of the sets that were judged the most probable one.

@@ -10,7 +10,6 @@ use whorl_dynamics::effects::Role;
 use whorl_prediction::Settings as OfPredictor;
 use whorl_recording::Recording;
 
-use crate::{DiagnosisError, Settings};
 use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::hypothesis::{Hypothesis, Member, rarity_nats};
 use crate::parameters::Column;
@@ -18,6 +17,7 @@ use crate::refit::{Entered, Refit};
 use crate::search::Search;
 use crate::search::prior::log_prior;
 use crate::search::standing::{Converged, JudgedFit};
+use crate::{DiagnosisError, Settings};
 
 /// Prior sizes that are tried, in units of the catalogue's.
 const SIZES: [f64; 3] = [1.0, 10.0, 100.0];

@@ -399,6 +399,7 @@ impl Search<'_> {
             candidates,
             remarks,
             fitted,
+            fits: BTreeMap::new(),
         })
     }
 

@@ -4,10 +4,12 @@ pub(crate) mod belief;
 mod versions;
 mod words;
 
+use std::collections::BTreeMap;
+
 use whorl_diagnosis::{DiagnosisError, Options};
 use whorl_params::ModelStep;
 
-pub use versions::{BASE, CORRECTION, Values, Version, versions};
+pub use versions::{BASE, CORRECTION, Version, versions};
 
 use crate::changes::{Change, changes};
 use crate::{Case, ExplainError, Say};
@@ -36,7 +38,7 @@ pub fn adopt(
     say: &mut Say<'_>,
 ) -> Result<Adoption, ExplainError> {
     let sets: Vec<Vec<String>> = sets.iter().map(|set| each_once(set)).collect();
-    let (versions, left_out) = versions(case, &sets, Values::Likeliest, options, say)?;
+    let (versions, left_out) = versions(case, &sets, &BTreeMap::new(), options, say)?;
     let is_rival =
         |error: &DiagnosisError| matches!(error, DiagnosisError::NoEffect { .. }) && sets.len() > 1;
     match left_out.iter().find(|(_, error)| !is_rival(error)) {

@@ -1,5 +1,8 @@
 //! Versions of a model, fitted and compared with the same runs.
 
+use std::cell::OnceCell;
+use std::collections::BTreeMap;
+
 use whorl_diagnosis::{DiagnosisError, Fit, FittedParameter, Fitter, Options};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::find;
@@ -36,24 +39,15 @@ impl Version {
 /// Versions of the model, and the sets of effects that could not be fitted, each with the reason.
 pub type Compared = (Vec<Version>, Vec<(String, DiagnosisError)>);
 
-/// How values are found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Values {
-    /// By the likelihood of the readings, with estimates of what they are worth.
-    Likeliest,
-    /// Along a smoothed motion, for a first look: in less time, and no worse than as given.
-    Rough,
-}
-
 /// The model as given, with its own parameters refitted, and with each set of effects (ids of the catalogue).
-/// Sets that cannot be fitted are returned second, with the reason.
+/// What is `ready` is not fitted again. Sets that cannot be fitted are returned second, with the reason.
 ///
 /// # Errors
 /// When a run cannot be compared.
 pub fn versions(
     case: &Case<'_>,
     sets: &[Vec<String>],
-    values: Values,
+    ready: &BTreeMap<Vec<String>, Fit>,
     options: &Options,
     say: &mut Say<'_>,
 ) -> Result<Compared, ExplainError> {
@@ -62,7 +56,8 @@ pub fn versions(
     let given = compare(case, &mut part(say, 0.0, share(1)))?;
     let mut versions =
         vec![Version { name: "as given".to_owned(), effects: Vec::new(), fit: None, runs: given }];
-    let fitter = Fitter::new(case.training, case.model, case.prior, options);
+    let fitter = OnceCell::new();
+    let fitter = || fitter.get_or_init(|| Fitter::new(case.training, case.model, case.prior, options));
     let none = Vec::new();
     let mut left_out = Vec::new();
     for (k, effects) in std::iter::once(&none).chain(sets).enumerate() {
@@ -74,11 +69,11 @@ pub fn versions(
         };
         say(share(k + 1), &doing);
         let ids: Vec<&str> = effects.iter().map(String::as_str).collect();
-        let fit = |fitter: &Fitter<'_>| match values {
-            Values::Likeliest => fitter.fit(&ids),
-            Values::Rough => fitter.fit_roughly(&ids),
+        let fitted = match ready.get(effects) {
+            Some(fit) => Ok(fit.clone()),
+            None => fitter().as_ref().map_err(Clone::clone).and_then(|fitter| fitter.fit(&ids)),
         };
-        let mut fitted = match fitter.as_ref().map_err(Clone::clone).and_then(fit) {
+        let mut fitted = match fitted {
             Ok(fitted) => fitted,
             Err(error) => {
                 left_out.push((name, error));
@@ -89,7 +84,7 @@ pub fn versions(
         fitted.estimates.iter_mut().for_each(|p| say_in_full(p, case.model, &after));
         let compared = part(say, share(k + 1) + 0.5 / count, share(k + 2));
         let mut runs = compare(&case.with_model(&after), &mut { compared })?;
-        // What bins of a smoothed motion make worse stays as it was given.
+        // What makes predictions worse stays as it was given.
         let is_worse = |runs: &[ComparedRun], given: &Version| {
             prediction_error(runs, false)
                 .zip(given.prediction_error(false))

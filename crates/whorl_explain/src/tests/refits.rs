@@ -1,6 +1,8 @@
 //! Numbers that the platform's file states with a prior are refitted within it: friction of a wheel, on turntables that are integrated
 //! here by their own equations.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Matrix3, Unit, Vector3};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -10,7 +12,7 @@ use whorl_dynamics::{Freedom, MassProperties, ModelPrior, PlatformModel};
 use whorl_recording::Recording;
 
 use crate::Case;
-use crate::adopt::{Values, versions};
+use crate::adopt::versions;
 
 /// A table on a shaft along z with a wheel.
 #[derive(Debug, Clone, Copy)]
@@ -113,7 +115,7 @@ fn friction_of_a_wheel_is_refitted_within_its_prior() {
         prior.actuators.wheels.coulomb_friction_n_m = vec![KNOWN * dry];
         let case = Case { training: &training, held_out: &held_out, model: &model, prior: &prior };
         let options = Options::default();
-        let (versions, _) = versions(&case, &[], Values::Likeliest, &options, &mut |_, _| {}).unwrap();
+        let (versions, _) = versions(&case, &[], &BTreeMap::new(), &options, &mut |_, _| {}).unwrap();
         let error = |k: usize, held_out| versions[k].prediction_error(held_out).unwrap();
         let said = format!(
             "{table:?}: as given {:.3}, refitted {:.3}, held out {:.3}",
