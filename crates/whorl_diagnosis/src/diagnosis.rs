@@ -146,7 +146,8 @@ pub struct FittedSet {
     pub log_evidence_bins: Option<f64>,
     /// Log evidence of the training runs' samples, values integrated out; `None` where these were not asked.
     pub log_evidence_samples: Option<f64>,
-    /// Log likelihood that held-out runs gain over the platform's own parameters alone; `None` without any.
+    /// Log likelihood that held-out runs gain over the platform's own parameters alone: their samples where these were asked, else their
+    /// bins, and the two do not compare; `None` without any.
     pub held_out_gain: Option<f64>,
     /// Log prior odds against no effect.
     pub log_prior: f64,
