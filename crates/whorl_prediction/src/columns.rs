@@ -12,7 +12,7 @@ use crate::design::Design;
 use crate::error::PredictionError;
 use crate::heading::UnseenHeading;
 use crate::known::KnownBefore;
-use crate::laws::{Law, Push};
+use crate::laws::{Laws, Push};
 use crate::other::{Differs, Does, Other, Varied};
 use crate::prepared::{OtherModel, Prepared};
 use crate::rows::Row;
@@ -30,7 +30,7 @@ const SHORT_STEP: f64 = 0.05;
 pub(crate) struct Columns<'a> {
     others: Vec<Other<'a>>,
     /// What has no parameter, behind the others,
-    laws: &'a [Box<Law<'a>>],
+    laws: Option<&'a Laws<'a>>,
     /// and what it does over the present step.
     pushes: Vec<Push>,
     /// The filter's own model, which takes the steps that the others take.
@@ -119,9 +119,9 @@ impl<'a> Columns<'a> {
         case: &Prepared<'a>,
         size: usize,
         varied: &[Varied],
-        laws: &'a [Box<Law<'a>>],
+        laws: Option<&'a Laws<'a>>,
     ) -> Result<Self, PredictionError> {
-        let n = varied.len() + laws.len();
+        let n = varied.len() + laws.map_or(0, Laws::count);
         let others: Vec<Other<'a>> =
             varied.iter().map(|varied| Other::new(case, varied)).collect::<Result<_, _>>()?;
         let mut reference = case.varied(case.given_model())?;
@@ -163,8 +163,9 @@ impl<'a> Columns<'a> {
     /// than that shows, the model in the state that the filter would have with it.
     pub fn set_out(&mut self, case: &Prepared<'_>, plant: &Plant, end_ns: i64, instant_ns: i64) {
         let n = self.rates.len();
-        self.pushes.clear();
-        self.pushes.extend(self.laws.iter().map(|law| law(plant)));
+        if let Some(laws) = self.laws {
+            laws.at(plant, &mut self.pushes);
+        }
         self.reference.plant.take_motion_of(plant, &[]);
         let step_s = (end_ns - plant.now_ns()) as f64 * 1e-9;
         let is_simple =
@@ -293,9 +294,14 @@ impl<'a> Columns<'a> {
             self.reference.plant.acts()
         });
         let mut found = DMatrix::zeros(self.count(), rows.len());
-        for (k, law) in self.laws.iter().enumerate() {
-            // What a sensor adds it adds to what it reads now; of a torque, what it was over the step.
-            let push = self.pushes.get(k).copied().filter(Push::is_torque).unwrap_or_else(|| law(plant));
+        // What a sensor adds it adds to what it reads now; of a torque, what it was over the step.
+        let mut pushes = self.pushes.clone();
+        if let Some(laws) = self.laws.filter(|_| pushes.is_empty() || !pushes.iter().all(Push::is_torque)) {
+            laws.at(plant, &mut pushes);
+            let over_step = pushes.iter_mut().zip(&self.pushes).filter(|(_, of_step)| of_step.is_torque());
+            over_step.for_each(|(push, of_step)| *push = *of_step);
+        }
+        for (k, push) in pushes.iter().enumerate() {
             for (row, slot) in rows.iter().zip(found.row_mut(self.others.len() + k).iter_mut()) {
                 *slot = push.of_reading(plant, linearised, row);
             }
@@ -395,11 +401,11 @@ impl<'a> Columns<'a> {
 
     /// How many parameters and laws there are.
     pub fn count(&self) -> usize {
-        self.others.len() + self.laws.len()
+        self.others.len() + self.laws.map_or(0, Laws::count)
     }
 
     /// Whether derivatives by a torque are needed.
     pub fn has_laws(&self) -> bool {
-        !self.laws.is_empty()
+        self.laws.is_some()
     }
 }

@@ -20,9 +20,35 @@ pub enum Push {
     Turn(Vector3<f64>),
 }
 
-/// A law: what it adds in the state of a plant. What it does at the start of a step it does throughout, so that it knows nothing of
-/// readings to come.
-pub type Law<'a> = dyn Fn(&Plant) -> Push + Send + Sync + 'a;
+/// Laws that are looked for in a recording: what each adds in the state of a plant. What they do at the start of a step they do
+/// throughout, so that they know nothing of readings to come.
+pub struct Laws<'a> {
+    count: usize,
+    of: Box<OfState<'a>>,
+}
+
+/// Appends what each law adds in the state of a plant, in their order.
+type OfState<'a> = dyn Fn(&Plant, &mut Vec<Push>) + Send + Sync + 'a;
+
+impl<'a> Laws<'a> {
+    /// So many laws; `of` appends what each adds in the state of a plant, in their order. Those that it leaves out add nothing.
+    pub fn new(count: usize, of: impl Fn(&Plant, &mut Vec<Push>) + Send + Sync + 'a) -> Self {
+        Self { count, of: Box::new(of) }
+    }
+
+    /// How many there are.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// What they add in this state.
+    pub(crate) fn at(&self, plant: &Plant, pushes: &mut Vec<Push>) {
+        pushes.clear();
+        (self.of)(plant, pushes);
+        pushes.resize(self.count, Push::Body(Vector3::zeros()));
+    }
+}
 
 impl Push {
     /// Whether it moves the platform; else it is an error of a sensor.

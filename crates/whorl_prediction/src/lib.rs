@@ -71,7 +71,7 @@ pub use error::PredictionError;
 pub use filter::Innovation;
 pub use fit::{Fitted, Hints, ModelAt, Rival, fit, fit_beside, hints};
 pub use fitted::{FittedStart, fitted_start};
-pub use laws::{Law, Push};
+pub use laws::{Laws, Push};
 pub use layout::Layout;
 pub use levels::{Followed, follow, follow_again};
 pub use likelihood::Likelihood;

@@ -8,7 +8,7 @@ use crate::columns::{Columns, Sums};
 use crate::design::{Design, Kept, Order};
 use crate::error::PredictionError;
 use crate::filter::Filter;
-use crate::laws::Law;
+use crate::laws::Laws;
 use crate::likelihood::Likelihood;
 use crate::noise::Noise;
 use crate::other::Varied;
@@ -82,7 +82,7 @@ pub(crate) fn pass(
     noise: &Noise,
     start: &Start,
     varied: &[Varied],
-    laws: &[Box<Law<'_>>],
+    laws: Option<&Laws<'_>>,
     keeps: bool,
 ) -> Result<Pass, PredictionError> {
     let columns = Columns::new(case, start.layout.size(), varied, laws)?;

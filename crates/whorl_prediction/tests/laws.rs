@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 use whorl_dynamics::platform::TiltLimit;
 use whorl_dynamics::{InitialState, Plant, PlatformModel};
-use whorl_prediction::{Hints, Law, Noise, Parameter, Prepared, Push, Settings, follow, hints};
+use whorl_prediction::{Hints, Laws, Noise, Parameter, Prepared, Push, Settings, follow, hints};
 use whorl_recording::{Recording, VectorChannel};
 
 const RATE_HZ: i64 = 100;
@@ -22,13 +22,16 @@ const EFFECTS: [(&str, &str, f64); 4] = [
     ("vector_sensor_misalignment", "m_z_rad", 1e-3),
 ];
 
-fn laws<'a>() -> Vec<Box<Law<'a>>> {
-    vec![
-        Box::new(|plant| Push::Body(plant.state().omega_wb_b_rad_s * -1e-3)),
-        Box::new(|_| Push::Wheel(1, 1e-4)),
-        Box::new(|plant| Push::Gyro(Vector3::x() * (1e-3 * plant.state().omega_wb_b_rad_s.z))),
-        Box::new(|_| Push::Turn(Vector3::z() * -1e-3)),
-    ]
+fn laws<'a>() -> Laws<'a> {
+    Laws::new(EFFECTS.len(), |plant, pushes| {
+        let rate_rad_s = plant.state().omega_wb_b_rad_s;
+        pushes.extend([
+            Push::Body(rate_rad_s * -1e-3),
+            Push::Wheel(1, 1e-4),
+            Push::Gyro(Vector3::x() * (1e-3 * rate_rad_s.z)),
+            Push::Turn(Vector3::z() * -1e-3),
+        ]);
+    })
 }
 
 fn model() -> PlatformModel {

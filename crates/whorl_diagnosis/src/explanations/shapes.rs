@@ -2,7 +2,7 @@
 //! a wheel, or in a sensor's reading.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use whorl_dynamics::Plant;
+use whorl_dynamics::{Plant, PlatformModel};
 use whorl_math::{azimuth_rad, vertical_b};
 use whorl_prediction::Push;
 
@@ -10,7 +10,6 @@ use crate::explanations::place::Place;
 use crate::layout::motion::Motion;
 use crate::layout::run::{Run, Wheels};
 use crate::layout::torques::Torques;
-use crate::whitening::columns::Stray;
 
 /// A variable, and its shape as odd or even.
 pub(crate) struct Shape {
@@ -38,13 +37,29 @@ pub(crate) enum Way {
     Gyro,
     /// In what the vector sensors see, about the vertical.
     Heading,
+    /// Along the torque of the jets.
+    Jets(Jets),
 }
+
+/// Which jets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Jets {
+    /// Those that are open.
+    Open,
+    /// Those that have opened just now.
+    Opened,
+    /// Those that have closed just now.
+    Closed,
+}
+
+/// Time for which a valve has opened or closed just now \[s\]: what solenoid valves of a few newtons take, and a pulse has at least.
+const EDGE_S: f64 = 0.02;
 
 impl Way {
     /// Axes about which it may act, of the body or of the room.
     fn axes(self, world: bool) -> usize {
         match (self, world) {
-            (Self::AlongRate | Self::Wheel(_), false) | (Self::Heading, true) => 1,
+            (Self::AlongRate | Self::Wheel(_) | Self::Jets(_), false) | (Self::Heading, true) => 1,
             (Self::Body | Self::Gyro, false) | (Self::BodyOrRoom, _) => 3,
             _ => 0,
         }
@@ -73,11 +88,18 @@ pub(crate) struct At<'a> {
     wheel: Wheels,
     /// Angle that each wheel has turned since the first node \[rad\].
     wheel_angle: Wheels,
+    /// Torque of the jets that are open, that have opened and that have closed just now, body axes [N m], and how many are open.
+    jets_b_n_m: [Vector3<f64>; 3],
+    open: f64,
 }
 
 impl<'a> At<'a> {
     /// Of a node of a smoothed motion.
-    pub fn node(run: &'a Run, motion: &Motion, node: usize) -> Self {
+    pub fn node(run: &'a Run, motion: &Motion, model: &PlatformModel, node: usize) -> Self {
+        Self::with_jets_at(Self::of_node(run, motion, node), model, run.time(node))
+    }
+
+    fn of_node(run: &'a Run, motion: &Motion, node: usize) -> Self {
         Self {
             run,
             node,
@@ -87,20 +109,46 @@ impl<'a> At<'a> {
             q: motion.q.get(node).copied().unwrap_or_default(),
             wheel: motion.wheel.get(node).copied().unwrap_or_default(),
             wheel_angle: motion.wheel_angle.get(node).copied().unwrap_or_default(),
+            jets_b_n_m: [Vector3::zeros(); 3],
+            open: 0.0,
         }
+    }
+
+    /// The same with what the commanded pulses do at an instant \[s\], behind the delays of the valves.
+    fn with_jets_at(mut self, model: &PlatformModel, time_s: f64) -> Self {
+        for (jet, pulses) in model.jets().iter().zip(&self.run.jet_pulses) {
+            let begun = pulses.partition_point(|pulse| pulse.on_s + jet.opening_delay_s <= time_s);
+            let Some(pulse) = begun.checked_sub(1).and_then(|last| pulses.get(last)) else { continue };
+            let opened_s = time_s - pulse.on_s - jet.opening_delay_s;
+            let closed_s = time_s - pulse.off_s - jet.closing_delay_s;
+            let is_open = closed_s < 0.0;
+            let phases = [is_open, is_open && opened_s < EDGE_S, (0.0..EDGE_S).contains(&closed_s)];
+            for (torque_b_n_m, _) in self.jets_b_n_m.iter_mut().zip(phases).filter(|(_, is)| *is) {
+                *torque_b_n_m += jet.torque_b_n_m();
+            }
+            self.open += f64::from(u8::from(is_open));
+        }
+        self
+    }
+
+    /// From -1 at the beginning of the run to 1 at its end.
+    fn late(&self) -> f64 {
+        let first_s = self.run.time(0);
+        let whole_s = self.run.time(self.run.nodes().saturating_sub(1)) - first_s;
+        2.0 * (self.time_s - first_s) / whole_s.max(1e-9) - 1.0
     }
 
     /// Of a plant on its way through the same run. The motion tells the angles that wheels have turned.
     pub fn plant(run: &'a Run, motion: &Motion, plant: &Plant) -> Self {
         let (state, time_s) = (plant.state(), plant.now_ns() as f64 * 1e-9);
         let node = run.node_at(time_s);
-        let of_node = Self::node(run, motion, node);
+        let of_node = Self::of_node(run, motion, node);
         let (mut wheel, mut wheel_angle) = (Wheels::default(), of_node.wheel_angle);
         for ((slot, angle), speed) in wheel.iter_mut().zip(&mut wheel_angle).zip(state.wheel_speed_rad_s()) {
             *slot = *speed;
             *angle += speed * (time_s - of_node.time_s);
         }
-        Self {
+        let here = Self {
             time_s,
             length_s: 0.0,
             omega: state.omega_wb_b_rad_s,
@@ -108,7 +156,8 @@ impl<'a> At<'a> {
             wheel,
             wheel_angle,
             ..of_node
-        }
+        };
+        here.with_jets_at(plant.gyrostat().model(), time_s)
     }
 }
 
@@ -214,11 +263,6 @@ pub(crate) fn shapes(place: Place<'_>) -> Vec<Vec<Shape>> {
     for (j, wheel) in place.problem.reference.model.wheels().iter().enumerate() {
         let scale = 0.5 * largest(&|m, k| m.wheel.get(k).map_or(0.0, |w| w[j])).max(1e-9);
         let speed = move |at: &At<'_>| at.wheel[j] / scale;
-        let late = |at: &At<'_>| {
-            let (run, first_s) = (at.run, at.run.time(0));
-            let whole_s = run.time(run.nodes().saturating_sub(1)) - first_s;
-            2.0 * (at.time_s - first_s) / whole_s.max(1e-9)
-        };
         let shape = |value: Value| Shape {
             way: Way::Wheel(j),
             ..single(&format!("{}_speed", wheel.name), "odd", value)
@@ -227,9 +271,12 @@ pub(crate) fn shapes(place: Place<'_>) -> Vec<Vec<Shape>> {
             shape(Box::new(speed)),
             shape(Box::new(move |at| speed(at) / speed(at).hypot(0.02))),
             shape(Box::new(move |at| speed(at).powi(3))),
-            shape(Box::new(move |at| speed(at) * late(at))),
-            shape(Box::new(move |at| speed(at) * late(at).powi(2))),
+            shape(Box::new(move |at| speed(at) * at.late())),
+            shape(Box::new(move |at| speed(at) * at.late().powi(2))),
         ]);
+    }
+    if problem.runs.iter().any(|run| run.jet_pulses.iter().any(|pulses| !pulses.is_empty())) {
+        groups.extend(of_jets());
     }
     groups.extend(of_sensors(rate));
     // Heading: the first harmonics.
@@ -259,6 +306,27 @@ pub(crate) fn shapes(place: Place<'_>) -> Vec<Vec<Shape>> {
         groups.push(vec![shape(sine), shape(cosine)]);
     }
     groups
+}
+
+/// Thrust that depends on how many jets are open, and edges of pulses that are elsewhere than they are recorded, all the time or more
+/// and more.
+fn of_jets() -> Vec<Vec<Shape>> {
+    let shape = |variable: &str, of: Jets, value: Value| Shape {
+        variable: variable.to_owned(),
+        parity: "none",
+        frequency_hz: None,
+        is_picked: false,
+        value,
+        way: Way::Jets(of),
+    };
+    let edges = |variable: &str, of: Jets| {
+        vec![shape(variable, of, Box::new(|_| 1.0)), shape(variable, of, Box::new(|at| at.late()))]
+    };
+    vec![
+        vec![shape("jets_open", Jets::Open, Box::new(|at| (at.open - 1.0).max(0.0)))],
+        edges("jet_opening", Jets::Opened),
+        edges("jet_closing", Jets::Closed),
+    ]
 }
 
 /// Errors of sensors that no effect of the catalogue makes: a gyro that sticks near zero or bends, a vector sensor
@@ -369,7 +437,7 @@ impl Shape {
     /// Unit of what it adds.
     pub fn unit(&self) -> &'static str {
         match self.way {
-            Way::Body | Way::BodyOrRoom | Way::AlongRate | Way::Wheel(_) => "N m",
+            Way::Body | Way::BodyOrRoom | Way::AlongRate | Way::Wheel(_) | Way::Jets(_) => "N m",
             Way::Gyro => "rad/s",
             Way::Heading => "rad",
         }
@@ -395,38 +463,11 @@ pub(crate) fn push(groups: &[Vec<Shape>], column: &Column, at: &At<'_>, torques:
             let rate = at.omega[column.axis];
             Push::Gyro(axis * (rate * (-(rate / size).powi(2)).exp()))
         }
+        Way::Jets(of) => Push::Body(at.jets_b_n_m[of as usize] * (SHARE * size)),
         Way::Heading => Push::Turn(vertical_b(&at.q) * (1e-3 * size)),
         Way::Body | Way::BodyOrRoom if column.world => {
             Push::Body(at.q.inverse_transform_vector(&axis) * (torque_n_m * size))
         }
         Way::Body | Way::BodyOrRoom => Push::Body(axis * (torque_n_m * size)),
-    }
-}
-
-/// The same at every node of a run.
-pub(crate) fn stray(
-    groups: &[Vec<Shape>],
-    column: &Column,
-    run: &Run,
-    motion: &Motion,
-    torques: &Torques,
-) -> Stray {
-    let pushes: Vec<Push> =
-        (0..run.nodes()).map(|k| push(groups, column, &At::node(run, motion, k), torques)).collect();
-    let vectors = || {
-        let of = |push: &Push| match *push {
-            Push::Body(v) | Push::Gyro(v) | Push::Turn(v) => v,
-            Push::Wheel(..) => Vector3::zeros(),
-        };
-        pushes.iter().map(of).collect()
-    };
-    match pushes.first() {
-        Some(Push::Wheel(wheel, _)) => {
-            let of = |push: &Push| if let Push::Wheel(_, torque) = *push { torque } else { 0.0 };
-            Stray::Wheel(*wheel, pushes.iter().map(of).collect())
-        }
-        Some(Push::Gyro(_)) => Stray::Gyro(vectors()),
-        Some(Push::Turn(_)) => Stray::Direction(vectors()),
-        Some(Push::Body(_)) | None => Stray::Torque(vectors()),
     }
 }

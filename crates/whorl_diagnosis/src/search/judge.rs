@@ -80,7 +80,7 @@ impl Search<'_> {
     ) -> Result<(), DiagnosisError> {
         // Where no filter can be run bins are left alone.
         let Some(mut judgement) = judgement else { return self.settle_most_probable() };
-        while let Some((set, larger)) = self.next_to_judge().or_else(|| self.next_rival()) {
+        while let Some(set) = self.next_to_judge().or_else(|| self.next_rival()) {
             if self.is_ruled_out(&set.names) {
                 self.forget(&set.names);
                 continue;
@@ -95,7 +95,7 @@ impl Search<'_> {
             let Some(found) = DiagnosisError::possible(judgement.beside(self, &set, &entered))? else {
                 break;
             };
-            self.set_judged(set, found, larger.as_deref());
+            self.set_judged(set, found);
             self.judge_asked_for(&mut judgement)?;
         }
         self.forget_what_was_not_judged();
@@ -121,7 +121,7 @@ impl Search<'_> {
                 judgement.left = fewer;
                 let entered = entered(&larger, Some(asked));
                 if let Some(found) = DiagnosisError::possible(judgement.beside(self, &larger, &entered))? {
-                    self.set_asked(larger, found);
+                    self.set_judged(larger, found);
                 }
             }
         }
@@ -149,15 +149,13 @@ impl Search<'_> {
         judged.max_by(|a, b| a.log_posterior().total_cmp(&b.log_posterior()))
     }
 
-    /// What bins did not propose is as sure as the samples say.
-    fn set_asked(&mut self, mut set: Converged, found: Judged) {
+    /// A set is as sure as the samples say.
+    fn set_judged(&mut self, mut set: Converged, found: Judged) {
         let base = self.fitted.get(&Vec::new());
-        let gain = base.and_then(|base| {
-            let judged = base.judged.as_ref()?;
-            Some(base.standing.log_evidence + found.likelihoods.gain(&judged.likelihoods))
-        });
-        if let Some(log_evidence) = gain {
-            set.standing.log_evidence = log_evidence;
+        let of_base =
+            base.and_then(|base| Some((base.standing.log_evidence, &base.judged.as_ref()?.likelihoods)));
+        if let Some((log_evidence, base)) = of_base {
+            set.standing.log_evidence = log_evidence + found.likelihoods.gain(base);
         }
         set.point = found.fit.refit(&self.problem.reference).point(&found.fit.fitted.at);
         set.judged = Some(found);
@@ -165,13 +163,12 @@ impl Search<'_> {
     }
 
     /// Of the sets that are not much less probable than the most probable one, the first that was not judged.
-    fn next_rival(&self) -> Option<(Converged, Option<Vec<String>>)> {
+    fn next_rival(&self) -> Option<Converged> {
         let least = self.most_probable()?.log_posterior() + self.options.settings.worth_mentioning.ln();
         let is_open =
             |set: &&Converged| set.judged.is_none() && !set.names.is_empty() && set.log_posterior() > least;
         let open = self.admissible().filter(is_open);
-        let set = open.max_by(|a, b| a.log_posterior().total_cmp(&b.log_posterior()))?;
-        Some((set.clone(), None))
+        open.max_by(|a, b| a.log_posterior().total_cmp(&b.log_posterior())).cloned()
     }
 
     /// Judges the set of no effects; `None` where no filter can be run.
@@ -181,15 +178,15 @@ impl Search<'_> {
             return Ok(None);
         };
         let fit = Arc::clone(&alone.fit);
-        self.set_judged(without, Judged { likelihoods: found, weakest: None, fit }, None);
+        self.set_judged(without, Judged { likelihoods: found, weakest: None, fit });
         Ok(Some(alone))
     }
 
-    /// The most probable set; if it was judged that without its weakest member, and the names of the larger one. What bins of a smoothed motion
+    /// The most probable set; if it was judged that without its weakest member. What bins of a smoothed motion
     /// need beside the true effect the samples may do without.
-    fn next_to_judge(&self) -> Option<(Converged, Option<Vec<String>>)> {
+    fn next_to_judge(&self) -> Option<Converged> {
         let most = self.most_probable().filter(|set| !set.names.is_empty())?;
-        let Some(judged) = &most.judged else { return Some((most.clone(), None)) };
+        let Some(judged) = &most.judged else { return Some(most.clone()) };
         let weakest = judged.weakest.as_ref().filter(|_| most.names.len() > 1)?;
         let names: Vec<String> = most.names.iter().filter(|id| *id != weakest).cloned().collect();
         let known = self.fitted.get(&names).cloned();
@@ -203,30 +200,14 @@ impl Search<'_> {
             self.keep_only(&mut set.point, &ids);
             set
         });
-        set.judged.is_none().then(|| (set, Some(most.names.clone())))
+        set.judged.is_none().then_some(set)
     }
 
     /// Beside sets that were judged none is believed that was not: bins may promise more than the samples hold.
     fn forget_what_was_not_judged(&mut self) {
-        while let Some((set, _)) = self.next_rival() {
+        while let Some(set) = self.next_rival() {
             self.forget(&set.names);
         }
-    }
-
-    /// Nothing is surer than the samples say; and a part of a set that was judged is as much less sure than it as they say.
-    fn set_judged(&mut self, mut set: Converged, found: Judged, larger: Option<&[String]>) {
-        let gain_over = |other: Option<&Converged>| {
-            let judged = other.and_then(|other| other.judged.as_ref())?;
-            Some(other?.standing.log_evidence + found.likelihoods.gain(&judged.likelihoods))
-        };
-        let over_base = gain_over(self.fitted.get(&Vec::new()));
-        if let Some(log_evidence) = larger.and_then(|names| gain_over(self.fitted.get(names))) {
-            set.standing.log_evidence = log_evidence;
-        } else if let Some(most) = over_base {
-            set.standing.log_evidence = set.standing.log_evidence.min(most);
-        }
-        set.judged = Some(found);
-        self.fitted.insert(set.names.clone(), set);
     }
 }
 

@@ -5,7 +5,6 @@ pub(crate) mod climb;
 pub(crate) mod converge;
 pub(crate) mod judge;
 pub(crate) mod latency;
-pub(crate) mod nameless;
 pub(crate) mod prior;
 pub(crate) mod proposals;
 pub(crate) mod prospect;
@@ -13,7 +12,7 @@ pub(crate) mod rest;
 pub(crate) mod sampled;
 pub(crate) mod standing;
 pub(crate) mod step;
-mod unmodelled;
+pub(crate) mod unmodelled;
 pub(crate) mod weigh;
 
 pub(crate) use proposals::Search;

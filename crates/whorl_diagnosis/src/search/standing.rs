@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use whorl_prediction::{Fitted as FittedToSamples, Law, Settings, hints};
+use whorl_prediction::{Fitted as FittedToSamples, Laws, Settings, hints};
 use whorl_recording::Recording;
 
 use crate::DiagnosisError;
@@ -140,7 +140,7 @@ impl JudgedFit {
     pub fn normal(
         &self,
         refit: &Refit<'_>,
-        laws: &[Vec<Box<Law<'_>>>],
+        laws: &[Laws<'_>],
         training: &[Recording],
         threads: usize,
     ) -> Result<Normal, DiagnosisError> {

@@ -14,11 +14,11 @@ use crate::evidence::regression::{BLOCKS_PER_RUN, Estimate};
 use crate::explanations::hypothesis::Hypothesis;
 use crate::explanations::vibration::fast_effects;
 use crate::search::Search;
-use crate::search::nameless::Nameless;
 use crate::search::prior::{log_prior, of_other_law};
 use crate::search::rest::{momentum_rms, rest, worst};
 use crate::search::standing::Converged;
 use crate::search::step::point_of;
+use crate::search::unmodelled::Unmodelled;
 use crate::verdict::posterior::{Belief, Weighted};
 use crate::{Diagnosis, DiagnosisError, NextManoeuvre, SCHEMA, Verdict};
 
@@ -153,27 +153,23 @@ impl Search<'_> {
         if !is_clean {
             self.lines = crate::explanations::spectrum::lines(self.place(), &self.best);
             let mut anchors = vec![self.best.clone()];
-            // Alone, where the best set does not explain the data.
-            let is_poor = left > settings.real_rest_stddevs
-                || standing.is_none_or(|s| s.relative_error > rough)
-                || rhythm.is_some();
-            if !self.best.members.is_empty() && is_poor {
+            // And alone: the best set may only look like what is missing.
+            if !self.best.members.is_empty() {
                 anchors.push(self.base.clone());
             }
             for anchor in &anchors {
                 let Some(at) = self.fitted(anchor).cloned() else { continue };
-                let mut nameless = self.nameless_beside(&at)?;
-                self.judge_laws(&at, &mut nameless, training)?;
+                let laws = self.laws_beside(&at, training)?;
                 let explained = at.standing.log_evidence
                     - self.standing(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
                 // What is left of a set is another law's only where it is a good part of it.
                 let least_n_m = settings.background_share * self.problem.torques.body_n_m;
-                let is_apart = |law: &Nameless| {
+                let is_apart = |law: &Unmodelled| {
                     let is_large = law.unknown.unit != "N m" || law.unknown.size > least_n_m;
                     let gain = law.log_evidence - at.standing.log_evidence;
                     at.names.is_empty() || (is_large && gain > of_other_law(settings) * explained)
                 };
-                all.extend(nameless.into_iter().filter(is_apart).map(|law| Weighted {
+                all.extend(laws.into_iter().filter(is_apart).map(|law| Weighted {
                     log_posterior: law.log_evidence + log_prior(&law.beside, settings),
                     effects: law.beside,
                     unknown: Some(law.unknown),

@@ -6,7 +6,7 @@ use whorl_recording::Recording;
 use super::ModelAt;
 use super::problem::{Problem, runs_of};
 use crate::error::PredictionError;
-use crate::laws::Law;
+use crate::laws::Laws;
 use crate::levels::Followed;
 use crate::parameter::Parameter;
 use crate::settings::Settings;
@@ -31,12 +31,12 @@ pub fn hints(
     model_at: &ModelAt<'_>,
     at: &[f64],
     followed: &[Followed],
-    laws: &[Vec<Box<Law<'_>>>],
+    laws: &[Laws<'_>],
     settings: &Settings,
 ) -> Result<Hints, PredictionError> {
     let problem = Problem { recordings, parameters, model_at, settings };
     let found = problem.passes_with(at, &runs_of(followed), &problem.varied(at)?, laws)?;
-    let size = parameters.len() + laws.first().map_or(0, Vec::len);
+    let size = parameters.len() + laws.first().map_or(0, Laws::count);
     let mut hints = Hints { information: DMatrix::zeros(size, size), slope: DVector::zeros(size) };
     for pass in &found.0 {
         hints.information += &pass.sums.information;

@@ -6,7 +6,7 @@ use whorl_recording::Recording;
 
 use super::ModelAt;
 use crate::error::PredictionError;
-use crate::laws::Law;
+use crate::laws::Laws;
 use crate::levels::{Followed, follow, follow_again};
 use crate::noise::Noise;
 use crate::other::Varied;
@@ -77,7 +77,7 @@ impl Problem<'_> {
     /// Passes over all recordings, which keep how innovations change.
     pub fn passes(&self, at: &[f64], runs: &[(Noise, Start)]) -> Result<Passes, PredictionError> {
         let varied = self.varied(at)?;
-        self.each_pass(at, runs, |case, _, (noise, start)| pass(case, noise, start, &varied, &[], true))
+        self.each_pass(at, runs, |case, _, (noise, start)| pass(case, noise, start, &varied, None, true))
     }
 
     /// The same without what they say of parameters.
@@ -103,10 +103,10 @@ impl Problem<'_> {
         at: &[f64],
         runs: &[(Noise, Start)],
         varied: &[Varied],
-        laws: &[Vec<Box<Law<'_>>>],
+        laws: &[Laws<'_>],
     ) -> Result<Passes, PredictionError> {
         self.each_pass(at, runs, |case, run, (noise, start)| {
-            pass(case, noise, start, varied, laws.get(run).map_or(&[], Vec::as_slice), false)
+            pass(case, noise, start, varied, laws.get(run), false)
         })
     }
 
