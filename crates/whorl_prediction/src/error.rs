@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 use whorl_dynamics::{GyrostatError, PlantError};
+use whorl_trajectory::Refusal;
 
 /// Why a recording cannot be predicted.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -12,6 +13,9 @@ pub enum PredictionError {
     /// The plant refused its start.
     #[error("the model cannot be simulated: {0}")]
     Plant(#[from] PlantError),
+    /// The recording is of another platform: it has other numbers of wheels, gyros or jets.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
     /// No platform has the parameters with which a fit was to begin, or any close by.
     #[error(
         "no platform has the parameters with which the fit begins: a mass or an inertia that no body has"

@@ -93,7 +93,7 @@ impl<'a> Filter<'a> {
         let mut plant = case.plant().clone();
         start.put(&mut plant);
         let event = case.first_event();
-        let linearised = linearised(&plant, noise.disturbance.is_some());
+        let linearised = linearised(&plant, noise.disturbance.is_some() || case.drives_with_noise());
         let heading = UnseenHeading::of(case, &plant, &linearised);
         let layout = start.layout;
         let mut filter = Self {
@@ -143,9 +143,11 @@ impl<'a> Filter<'a> {
         self
     }
 
-    /// Whether derivatives by a torque are needed: of disturbances, or of laws.
+    /// Whether derivatives by a torque are needed: of disturbances, of laws, or of wheels that are driven along their speeds.
     pub(super) fn has_torques(&self) -> bool {
-        self.noise.disturbance.is_some() || self.columns.as_ref().is_some_and(Columns::has_laws)
+        self.noise.disturbance.is_some()
+            || self.case.drives_with_noise()
+            || self.columns.as_ref().is_some_and(Columns::has_laws)
     }
 
     /// What the model alone claims to know now, without disturbances.

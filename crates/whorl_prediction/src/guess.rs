@@ -1,5 +1,7 @@
 //! What is known of the start before anything is filtered: a guess by the first readings, as wide as these leave it.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector, Matrix3, Unit, UnitQuaternion, Vector3};
 use whorl_dynamics::plant::{RATE, ROTATION};
 use whorl_math::{attitude_from_two_vectors, attitude_from_vertical, quaternion_exp, unit_or};
@@ -42,12 +44,8 @@ impl Start {
         for (i, stddev) in noise.disturbance.coordinates(layout) {
             set(i, stddev);
         }
-        let sensors = &model.sensors;
-        for (i, stddev) in layout.gyro_bias().zip(sensors.gyro.errors.bias_turn_on_stddev.iter()) {
-            set(i, *stddev);
-        }
-        for (i, stddev) in layout.force_bias().zip(sensors.accelerometer.errors.bias_turn_on_stddev.iter()) {
-            set(i, *stddev);
+        for (i, stddev) in known_biases(case, layout) {
+            set(i, stddev);
         }
         let guess = attitude_guess(case, noise, rate_stddev);
         if turns {
@@ -65,6 +63,15 @@ impl Start {
             covariance,
         }
     }
+}
+
+/// Standard deviations of the sensors' biases before a run, about none, as the model states them; in their units.
+pub(crate) fn known_biases(case: &Prepared<'_>, layout: Layout) -> impl Iterator<Item = (usize, f64)> {
+    let sensors = &case.model().sensors;
+    let of = |biases: Range<usize>, stddev: Vector3<f64>| (0..3).map(move |axis| stddev[axis]).zip(biases);
+    let gyro = of(layout.gyro_bias(), sensors.gyro.errors.bias_turn_on_stddev);
+    let force = of(layout.force_bias(), sensors.accelerometer.errors.bias_turn_on_stddev);
+    gyro.chain(force).map(|(stddev, i)| (i, stddev))
 }
 
 fn layout(case: &Prepared<'_>, noise: &Noise) -> Layout {

@@ -1,12 +1,16 @@
 //! A recording and a model, ready to be predicted.
 
+use std::borrow::Cow;
+
 use nalgebra::{Unit, Vector3};
 use whorl_dynamics::plant::{MeanInputs, Tangent};
 use whorl_dynamics::platform::SensorSuite;
 use whorl_dynamics::{Gyrostat, InitialState, Plant, PlatformModel};
 use whorl_recording::{Component, Mounting, Recording};
 use whorl_trajectory::commands::{Commands, ns};
-use whorl_trajectory::quiet;
+use whorl_trajectory::driven_speeds::DrivenSpeeds;
+use whorl_trajectory::wheel_torque::{along_speeds, go_along_speeds};
+use whorl_trajectory::{counts, quiet};
 
 use crate::error::PredictionError;
 use crate::readings::{Track, tracks};
@@ -29,6 +33,8 @@ pub struct Prepared<'a> {
     /// Constants corrected by its effects.
     model: PlatformModel,
     commands: Commands<'a>,
+    /// Along which its wheels are driven, where their torques were not recorded.
+    driven: Option<DrivenSpeeds>,
     /// Without noise, with the supplies of this run, before the first reading.
     plant: Plant,
     /// How fast it moves when it moves as fast as it ever was read to [1/s].
@@ -38,6 +44,9 @@ pub struct Prepared<'a> {
     event: usize,
     tracks: Vec<Track<'a>>,
     hidden_noise: Vec<f64>,
+    /// Of each wheel that is driven along its measured speeds: root of the power density of its momentum's noise, body axes [N m s per
+    /// root of Hz].
+    driven_momentum_roots: Vec<Vector3<f64>>,
     clamped: bool,
     settings: Settings,
 }
@@ -52,7 +61,9 @@ impl<'a> Prepared<'a> {
         model: &PlatformModel,
         settings: Settings,
     ) -> Result<Self, PredictionError> {
-        let gyrostat = Gyrostat::new(model)?;
+        counts(recording, model)?;
+        let model = as_driven(recording, model);
+        let gyrostat = Gyrostat::new(&model)?;
         let clamped = recording.mounting == Mounting::Clamped || !model.freedom.turns();
         let wheels = model.wheels().len();
         let tracks = tracks(recording, &gyrostat.model().sensors, clamped, wheels);
@@ -60,29 +71,34 @@ impl<'a> Prepared<'a> {
         let Some(first_ns) = first else {
             return Err(PredictionError::NothingToPredict { run: recording.name.clone() });
         };
-        let commands = Commands::of(recording, &gyrostat);
+        let driven = go_along_speeds(recording).then(|| DrivenSpeeds::of(recording));
+        let commands = Commands::along(recording, &gyrostat, driven.as_ref());
         let mut hidden_noise = vec![0.0; gyrostat.effects().hidden_states()];
         gyrostat.effects().hidden_noise(&mut hidden_noise);
-        let plant = plant_before(recording, model, &commands, first_ns, clamped)?;
+        let plant = plant_before(recording, &model, &commands, first_ns, clamped)?;
         // As it moves when it moves as fast as it ever was read to.
         let moving = fastest_rate_1_s(&moving_fastest(&plant, recording).linearised().rate_by_state);
-        let fastest_1_s = moving.max(swings_1_s(model));
+        let fastest_1_s = moving.max(swings_1_s(&model));
         let step_ns = step_ns(&plant, fastest_1_s);
         let (plant, event) = at_first_reading(&commands, plant.with_step_ns(step_ns), first_ns);
         // Both err alike at a contact.
         let difference_step_ns = longest_step_ns(LONGEST_STEP_S, fastest_1_s);
         let corrected = gyrostat.model().clone();
+        let driven_momentum_roots =
+            driven.as_ref().map_or_else(Vec::new, |speeds| momentum_roots(speeds, &corrected));
         let case = Self {
             recording,
-            given: model.clone(),
+            given: model.into_owned(),
             model: corrected,
             commands,
+            driven,
             plant,
             fastest_1_s,
             difference_step_ns,
             event,
             tracks,
             hidden_noise,
+            driven_momentum_roots,
             clamped,
             settings,
         };
@@ -91,9 +107,10 @@ impl<'a> Prepared<'a> {
 
     /// Another model on the same recording, from the same instant on, for differences of motions.
     pub(crate) fn varied(&self, model: &PlatformModel) -> Result<OtherModel<'a>, PredictionError> {
-        let gyrostat = Gyrostat::new(model)?;
-        let commands = Commands::of(self.recording, &gyrostat);
-        let plant = plant_before(self.recording, model, &commands, self.first_ns(), self.clamped)?;
+        let model = as_driven(self.recording, model);
+        let gyrostat = Gyrostat::new(&model)?;
+        let commands = Commands::along(self.recording, &gyrostat, self.driven.as_ref());
+        let plant = plant_before(self.recording, &model, &commands, self.first_ns(), self.clamped)?;
         let sensors = gyrostat.model().sensors;
         let low_pass_s = |sensors: &SensorSuite| {
             [sensors.gyro.errors.time_constant_s, sensors.accelerometer.errors.time_constant_s]
@@ -118,7 +135,7 @@ impl<'a> Prepared<'a> {
         &self.model
     }
 
-    /// The model as it was given.
+    /// The model before its effects correct it.
     pub(crate) fn given_model(&self) -> &PlatformModel {
         &self.given
     }
@@ -146,6 +163,16 @@ impl<'a> Prepared<'a> {
 
     pub(crate) fn hidden_noise(&self) -> impl Iterator<Item = f64> + '_ {
         self.hidden_noise.iter().copied()
+    }
+
+    /// Noise of what wheels that are driven along their measured speeds give the body, each: see the field.
+    pub(crate) fn driven_momentum_roots(&self) -> &[Vector3<f64>] {
+        &self.driven_momentum_roots
+    }
+
+    /// Whether wheels bring the noise of their tachometers.
+    pub(crate) fn drives_with_noise(&self) -> bool {
+        !self.driven_momentum_roots.is_empty()
     }
 
     /// Coordinates of the plant's state.
@@ -211,6 +238,17 @@ impl<'a> Prepared<'a> {
     pub(crate) fn run_to(&self, plant: &mut Plant, event: &mut usize, time_ns: i64) -> bool {
         run_to(&self.commands, plant, event, time_ns)
     }
+}
+
+/// A model as its wheels go in a recording: by the commands, or along their measured speeds.
+fn as_driven<'m>(recording: &Recording, model: &'m PlatformModel) -> Cow<'m, PlatformModel> {
+    if go_along_speeds(recording) { Cow::Owned(along_speeds(model)) } else { Cow::Borrowed(model) }
+}
+
+/// Of each wheel that is driven along its measured speeds.
+fn momentum_roots(speeds: &DrivenSpeeds, model: &PlatformModel) -> Vec<Vector3<f64>> {
+    let wheels = model.wheels().iter().zip(&speeds.noise_root);
+    wheels.map(|(wheel, root)| wheel.spin_axis_b.into_inner() * (wheel.spin_inertia_kg_m2 * root)).collect()
 }
 
 /// Another model on a recording that was prepared.

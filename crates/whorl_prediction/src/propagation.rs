@@ -1,6 +1,7 @@
 //! The way from one instant to the next: the plant carries the mean, its linearisation the covariance.
 
 use nalgebra::{DMatrix, DVector, Vector3};
+use whorl_dynamics::plant::{RATE, ROTATION};
 
 use crate::filter::Filter;
 use crate::linearisation::{Place, linearised};
@@ -91,21 +92,41 @@ impl Filter<'_> {
 
     /// Whether anything random moves besides disturbances.
     pub fn has_own_noise(&self) -> bool {
-        self.case.hidden_noise().any(|level| level > 0.0)
+        self.case.hidden_noise().any(|level| level > 0.0) || self.case.drives_with_noise()
     }
 
-    /// Of these derivatives, with the white noise that drives what moves: by coordinate [unit^2/s].
+    /// Of these derivatives, with the white noise that drives what moves.
     fn step_of(&self, motion: &DMatrix<f64>, step_s: f64) -> Step {
-        let mut density = DVector::from_fn(self.layout.moving(), |i, _| self.walk_variance(i, 1.0));
-        let (transition, of_model) = (transition(motion, step_s), added(motion, &density, step_s));
-        let of = &self.noise.disturbance;
+        let of_model = added(motion, self.noise_roots(false), step_s);
+        let transition = transition(motion, step_s);
         if self.layout.moving() == self.layout.plant.size() {
             return Step { transition, noise: of_model.clone(), of_model };
         }
-        for (i, stddev) in of.coordinates(self.layout) {
-            density[i] = 2.0 * stddev * stddev / of.correlation_s;
+        Step { noise: added(motion, self.noise_roots(true), step_s), transition, of_model }
+    }
+
+    /// White noise that drives what moves, a column each [unit per root of a second].
+    fn noise_roots(&self, with_disturbances: bool) -> DMatrix<f64> {
+        let (m, of) = (self.layout.moving(), &self.noise.disturbance);
+        let walks = (0..m).map(|i| (i, self.walk_variance(i, 1.0).sqrt()));
+        let disturbances = of.coordinates(self.layout).filter(|_| with_disturbances);
+        let pushes = disturbances.map(|(i, stddev)| (i, stddev * (2.0 / of.correlation_s).sqrt()));
+        let single = walks.chain(pushes).filter(|(_, root)| *root > 0.0);
+        let mut columns: Vec<DVector<f64>> = single
+            .map(|(i, root)| {
+                let mut column = DVector::zeros(m);
+                column[i] = root;
+                column
+            })
+            .collect();
+        // The noise of a speed along which a wheel is driven is one of the body's rate, and its attitude follows.
+        for momentum_b in self.case.driven_momentum_roots() {
+            let rate = self.linearised.rate_by_torque.rows(RATE.start, 3) * momentum_b;
+            let mut column = DVector::zeros(m);
+            column.rows_mut(ROTATION.start, 3).copy_from(&rate);
+            columns.push(column);
         }
-        Step { noise: added(motion, &density, step_s), transition, of_model }
+        DMatrix::from_fn(m, columns.len(), |i, k| columns[k][i])
     }
 
     /// What the motors' disturbances, which the plant does not know, have moved over a step.

@@ -28,27 +28,18 @@ pub(crate) struct Step {
     pub of_model: Option<DMatrix<f64>>,
 }
 
-/// Covariance that a step over `h_s` of dx/dt = A x + white noise with these densities [unit^2/s] adds, by coordinate; `None` where
-/// nothing is random:
+/// Covariance that a step over `h_s` of dx/dt = A x + G n adds, with independent white noise n of density one and the columns of G in the
+/// coordinates' units per root of a second; `None` where nothing is random:
 ///
 /// ```text
-/// Q = integral from 0 to h of exp(A s) W exp(A s)^T ds
+/// Q = integral from 0 to h of exp(A s) G G^T exp(A s)^T ds
 /// ```
 ///
 /// by Gauss and Legendre's rule of four points, exact to the seventh power of A h, which is small.
-pub(crate) fn added(a: &DMatrix<f64>, density: &DVector<f64>, h_s: f64) -> Option<DMatrix<f64>> {
-    let driven: Vec<usize> = (0..a.nrows()).filter(|i| density[*i] > 0.0).collect();
-    if driven.is_empty() {
+pub(crate) fn added(a: &DMatrix<f64>, root: DMatrix<f64>, h_s: f64) -> Option<DMatrix<f64>> {
+    if root.ncols() == 0 {
         return None;
     }
-    let root =
-        DMatrix::from_fn(
-            a.nrows(),
-            driven.len(),
-            |i, k| {
-                if driven[k] == i { density[i].sqrt() } else { 0.0 }
-            },
-        );
     // At all points together: the k-th term of each is that at the end times its share of the step to the k-th power.
     let shares = GAUSS.map(|(point, _)| 0.5 * (1.0 + point));
     let mut moved = GAUSS.map(|_| root.clone());

@@ -9,8 +9,8 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use whorl_dynamics::platform::{TiltLimit, Wheel};
 use whorl_dynamics::{Freedom, MassProperties, PlatformModel};
-use whorl_prediction::{Fitted, Parameter, Settings, fit};
-use whorl_recording::{Mounting, Recording, VectorChannel};
+use whorl_prediction::{Fitted, Parameter, PredictionError, Prepared, Settings, fit};
+use whorl_recording::{Mounting, Recording, Series, VectorChannel};
 
 /// The most that one of a few dozen estimates is off, in its own deviations, by chance.
 const MOST_STDDEVS: f64 = 3.3;
@@ -288,4 +288,26 @@ fn friction_of_a_pendulum_is_what_it_is() {
         assert!(((friction - 1.0) / stddev).abs() < MOST_STDDEVS, "{pendulum:?}: {friction} +- {stddev}");
         assert!(stddev < 0.15, "{pendulum:?}: {stddev}");
     }
+}
+
+/// A column too many or too few of speeds or commands is another platform's, whatever else was recorded.
+#[test]
+fn recordings_of_other_numbers_of_wheels_are_refused() {
+    let model = PlatformModel::whorl_1_reference();
+    let series = |columns: usize| Series { time_s: vec![0.0, 0.01], value: vec![vec![1.0; columns]; 2] };
+    let gyro = Series { time_s: vec![0.0, 0.01], value: vec![Vector3::x(); 2] };
+    let run = Recording { name: "run".to_owned(), gyro_b_rad_s: gyro, ..Recording::default() };
+    let speeds = |columns| Recording { wheel_speed_rad_s: series(columns), ..run.clone() };
+    let commands = |columns| Recording { wheel_torque_command_n_m: series(columns), ..run.clone() };
+    let refused = |run: &Recording| Prepared::new(run, &model, Settings::default()).err();
+    for columns in [1, 2, 4, 9] {
+        for run in [speeds(columns), commands(columns)] {
+            let error = refused(&run).unwrap();
+            assert!(matches!(error, PredictionError::Refused(_)), "{error}");
+            let said = format!("run: {columns} wheels in the data, 3 in the model");
+            assert!(error.to_string().starts_with(&said), "{error}");
+        }
+    }
+    assert_eq!(refused(&speeds(3)), None);
+    assert_eq!(refused(&commands(3)), None);
 }

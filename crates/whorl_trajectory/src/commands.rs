@@ -7,6 +7,7 @@ use whorl_dynamics::plant::MeanInputs;
 use whorl_dynamics::{Gyrostat, Plant, PlatformModel};
 use whorl_recording::{Recording, Series};
 
+use crate::driven_speeds::DrivenSpeeds;
 use crate::gimbals::GimbalMotion;
 use crate::wheel_torque;
 
@@ -41,14 +42,18 @@ impl<'a> Commands<'a> {
     /// Commands of a recording. Wheels without recorded torques are driven along their measured speeds.
     #[must_use]
     pub fn of(recording: &'a Recording, gyrostat: &Gyrostat) -> Self {
+        let driven = wheel_torque::go_along_speeds(recording).then(|| DrivenSpeeds::of(recording));
+        Self::along(recording, gyrostat, driven.as_ref())
+    }
+
+    /// The same with the speeds along which its wheels are driven, which are the same whatever the model.
+    #[must_use]
+    pub fn along(recording: &'a Recording, gyrostat: &Gyrostat, driven: Option<&DrivenSpeeds>) -> Self {
         let model = gyrostat.model();
         let wheels = model.wheels().len();
-        let from_speed =
-            recording.wheel_torque_command_n_m.is_empty() && !recording.wheel_speed_rad_s.is_empty();
-        let wheel_torque_n_m = if from_speed {
-            Cow::Owned(wheel_torque::from_speeds(recording, model))
-        } else {
-            Cow::Borrowed(&recording.wheel_torque_command_n_m)
+        let wheel_torque_n_m = match driven {
+            Some(speeds) => Cow::Owned(wheel_torque::from_speeds(recording, speeds, model)),
+            None => Cow::Borrowed(&recording.wheel_torque_command_n_m),
         };
         let mut events = Vec::new();
         let ballast = &recording.ballast_moment_b_n_m;
@@ -87,7 +92,7 @@ impl<'a> Commands<'a> {
             gimbals,
             flow,
             events,
-            wheel_torque_from_speed: from_speed,
+            wheel_torque_from_speed: driven.is_some(),
             wheels,
         }
     }

@@ -193,7 +193,11 @@ fn length(recording: &Recording, needs: &Needs, clamped: bool) -> Result<(), Ref
     Ok(())
 }
 
-fn counts(recording: &Recording, model: &PlatformModel) -> Result<(), Refusal> {
+/// Refuses recordings of another number of wheels, gyros or jets than the model's.
+///
+/// # Errors
+/// With a sentence that gives advice.
+pub fn counts(recording: &Recording, model: &PlatformModel) -> Result<(), Refusal> {
     let count = |what, given, expected| Refusal::Count { run: recording.name.clone(), what, given, expected };
     let (wheels, jets) = (model.wheels().len(), model.jets().len());
     for series in [&recording.wheel_speed_rad_s, &recording.wheel_torque_command_n_m] {

@@ -2,14 +2,43 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
+use whorl_dynamics::effects::{Need, find};
 use whorl_recording::{Recording, Series};
 
+use crate::driven_speeds::DrivenSpeeds;
 use crate::line::local_line;
-use crate::noise::typical_step_s;
 
-/// Half of the stretch over which a speed's slope is fitted \[s\]: short compared with the platform's motion, long
-/// enough to average the tachometer's noise.
+/// Half of the stretch over which the slope of the body's rate is fitted \[s\]: short compared with the platform's motion.
 const HALF_S: f64 = 0.03;
+/// Factor to a motor's limit that no torque with a tachometer's noise reaches.
+const FAR_BEYOND: f64 = 1e3;
+
+/// Whether the wheels of a recording are driven along their measured speeds: their torques were not recorded.
+#[must_use]
+pub fn go_along_speeds(recording: &Recording) -> bool {
+    recording.wheel_torque_command_n_m.is_empty() && !recording.wheel_speed_rad_s.is_empty()
+}
+
+/// A model whose wheels go as their speeds were measured: what they give the body is their inertia times their acceleration,
+/// whatever their friction, their motors and the motors' limits are. Friction that is added to the torque and taken away by the model
+/// would not cancel where a wheel turns round; of torques with the tachometers' noise a limit would take the peaks away, on one side
+/// alone; and the error of a motor, which shows in the speeds already, would count twice. Effects of motors are those that need the
+/// commands of wheels to show.
+#[must_use]
+pub fn along_speeds(model: &PlatformModel) -> PlatformModel {
+    let mut model = model.clone();
+    for wheel in model.wheels_mut() {
+        (wheel.viscous_friction_n_m_s, wheel.coulomb_friction_n_m) = (0.0, 0.0);
+        wheel.max_torque_n_m *= FAR_BEYOND;
+    }
+    model.effects.retain(|id, _| !find(id).is_some_and(|effect| is_of_motors(effect.evidence())));
+    model
+}
+
+/// Whether nothing but commands of wheels shows it.
+fn is_of_motors(evidence: &[&[Need]]) -> bool {
+    !evidence.is_empty() && evidence.iter().all(|needs| needs.contains(&Need::WheelCommands))
+}
 
 /// Motor torques of the wheels that explain their measured speeds \[N m\]:
 ///
@@ -17,31 +46,31 @@ const HALF_S: f64 = 0.03;
 /// u = J (dOmega/dt + a . domega/dt) + friction
 /// ```
 ///
-/// with the model's spin inertia J, axis a and friction, and the accelerations of wheel and body from straight lines
-/// through neighbouring samples. They replace the commands where those were not recorded.
+/// with the model's spin inertia J, axis a and friction. They replace the commands where those were not recorded. Each holds from one speed
+/// to the next and turns the wheel from the one into the other, so that over any time the momentum that the wheel gives the body has the
+/// noise of two speeds, and no more.
 #[must_use]
-pub fn from_speeds(recording: &Recording, model: &PlatformModel) -> Series<Vec<f64>> {
-    let speeds = &recording.wheel_speed_rad_s;
-    let gyro = &recording.gyro_b_rad_s;
-    let step_s = typical_step_s(&speeds.time_s);
-    let half_s = HALF_S.max(2.5 * step_s);
-    let torque_at = |(t, speed): (&f64, &Vec<f64>)| -> Vec<f64> {
-        let rate = |k: usize| gyro.value.get(k).copied().unwrap_or_default();
-        let acceleration = local_line(&gyro.time_s, rate, *t, half_s).map_or(Vector3::zeros(), |l| l.slope);
+pub fn from_speeds(recording: &Recording, speeds: &DrivenSpeeds, model: &PlatformModel) -> Series<Vec<f64>> {
+    let (gyro, speeds) = (&recording.gyro_b_rad_s, &speeds.speed_rad_s);
+    let rate = |k: usize| gyro.value.get(k).copied().unwrap_or_default();
+    let stretches = speeds.time_s.windows(2).zip(speeds.value.windows(2));
+    let stretches = stretches.filter(|(ends, _)| ends[1] > ends[0]);
+    let torques = stretches.map(|(ends, speeds)| {
+        let (middle_s, length_s) = (0.5 * (ends[0] + ends[1]), ends[1] - ends[0]);
+        let acceleration =
+            local_line(&gyro.time_s, rate, middle_s, HALF_S).map_or(Vector3::zeros(), |l| l.slope);
         let of_wheel = |(j, wheel): (usize, &whorl_dynamics::platform::Wheel)| {
-            let at = |k: usize| speeds.value.get(k).and_then(|s| s.get(j)).copied().unwrap_or(0.0);
-            let slope = local_line(&speeds.time_s, at, *t, half_s).map_or(0.0, |l| l.slope);
-            let speed = speed.get(j).copied().unwrap_or(0.0);
-            let relative = slope + wheel.spin_axis_b.dot(&acceleration);
+            let [from, to] = [0, 1].map(|k| speeds[k].get(j).copied().unwrap_or(0.0));
+            let speed = 0.5 * (from + to);
             let friction =
                 wheel.viscous_friction_n_m_s * speed + wheel.coulomb_friction_n_m * speed.clamp(-1.0, 1.0);
+            let relative = (to - from) / length_s + wheel.spin_axis_b.dot(&acceleration);
             wheel.spin_inertia_kg_m2 * relative + friction
         };
-        model.wheels().iter().enumerate().map(of_wheel).collect()
-    };
-    let value = speeds.time_s.iter().zip(&speeds.value).map(torque_at).collect();
-    // A torque holds from its stamp on, so the stamp is half a step early to centre it.
-    Series { time_s: speeds.time_s.iter().map(|t| t - 0.5 * step_s).collect(), value }
+        (ends[0], model.wheels().iter().enumerate().map(of_wheel).collect())
+    });
+    let (time_s, value) = torques.unzip();
+    Series { time_s, value }
 }
 
 #[cfg(test)]
@@ -51,6 +80,7 @@ mod tests {
     use whorl_recording::{Recording, Series};
 
     use super::from_speeds;
+    use crate::driven_speeds::DrivenSpeeds;
 
     /// A wheel that accelerates at 2 rad/s^2 on a body that accelerates at 0.1 rad/s^2 about its axis.
     #[test]
@@ -69,9 +99,9 @@ mod tests {
             wheel_speed_rad_s: Series { time_s, value: speeds },
             ..Recording::default()
         };
-        let torque = from_speeds(&recording, &model);
+        let torque = from_speeds(&recording, &DrivenSpeeds::of(&recording), &model);
         let (t, u) = (torque.time_s[100], torque.value[100][0]);
-        assert!((t - 0.995).abs() < 1e-9);
-        assert!((u - (0.02 * 2.1 + 1e-4 * 52.0 + 1e-3)).abs() < 1e-9, "{u}");
+        assert!((t - 1.0).abs() < 1e-9);
+        assert!((u - (0.02 * 2.1 + 1e-4 * 52.01 + 1e-3)).abs() < 1e-6, "{u}");
     }
 }

@@ -6,6 +6,7 @@ use whorl_dynamics::effects::{Aid, Need, hard_without, untold_without};
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_recording::{Mounting, OnInterval, Recording, Series};
 use whorl_trajectory::bins::{Bins, Mean3, SampleTimes};
+use whorl_trajectory::driven_speeds::DrivenSpeeds;
 use whorl_trajectory::gimbals::GimbalMotion;
 use whorl_trajectory::noise::stamp_jitter_s;
 use whorl_trajectory::{Needs, check, wheel_torque};
@@ -213,12 +214,16 @@ impl Run {
         let wheels = model.wheels().len();
         let has_wheel_command = !recording.wheel_torque_command_n_m.is_empty();
         let has_wheel_speed = !recording.wheel_speed_rad_s.is_empty();
-        let implied =
-            (!has_wheel_command && has_wheel_speed).then(|| wheel_torque::from_speeds(recording, model));
+        let implied = (!has_wheel_command && has_wheel_speed)
+            .then(|| wheel_torque::from_speeds(recording, &DrivenSpeeds::of(recording), model));
         let torques = implied.as_ref().unwrap_or(&recording.wheel_torque_command_n_m);
         let wheel_command = (0..wheels)
             .map(|j| {
-                let limit = model.wheels().get(j).map_or(0.0, |w| w.max_torque_n_m);
+                // Torques that are made from speeds have their noise, beyond what a motor can.
+                let limit = match implied {
+                    Some(_) => f64::INFINITY,
+                    None => model.wheels().get(j).map_or(0.0, |w| w.max_torque_n_m),
+                };
                 let signal = RunningIntegral::held(torques, limit, |u| u.get(j).copied().unwrap_or(0.0));
                 HeldInput::new(&signal, &bins.times)
             })

@@ -115,7 +115,7 @@ impl Plant {
     /// other's a derivative.
     #[must_use]
     pub fn is_on_branch_of(&self, other: &Self) -> bool {
-        self.held() == other.held() && self.touching() == other.touching()
+        self.holds_wheels_of(other) && self.touching() == other.touching()
     }
 
     /// By how much its motion differs from that of another plant: the change, in [`super::Tangent`] coordinates, that makes the

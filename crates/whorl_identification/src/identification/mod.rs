@@ -154,7 +154,7 @@ pub fn identify(
     findings.extend(findings::of_fit(&after, &of_run));
     if after.iter().any(|run| run.unexplained.is_some()) {
         let log_fitted = fitted.followed.iter().map(Followed::log_likelihood).sum();
-        findings.extend(wheels::check(&recordings, &as_fitted(model, &recordings), log_fitted, settings)?);
+        findings.extend(wheels::check(&recordings, &away_from_stop(model), log_fitted, settings)?);
     }
     let errors = (prediction_error(&before), prediction_error(&after));
     Ok(conclude(&Fit { parameters, prior, fitted, errors, recordings: &recordings, findings }))
@@ -219,22 +219,12 @@ fn fitted(
     parameters: &Parameters<'_>,
     settings: &Settings,
 ) -> Result<whorl_prediction::Fitted, DataError> {
-    let model_at = |units: &[f64]| parameters.model_at(units).map(|model| as_fitted(&model, recordings));
+    let model_at = |units: &[f64]| parameters.model_at(units).map(|model| away_from_stop(&model));
     let as_given = vec![0.0; parameters.free.len()];
-    // Torques that are made from speeds have the tachometers' noise: allowed for as a disturbance it would leave the parameters nothing to
-    // explain within its correlation time, while over longer times it is none.
-    let alone = Settings { level_needed_nats: f64::INFINITY, ..*settings };
-    let settings = if wheels::go_along_speeds(recordings) { &alone } else { settings };
     Ok(fit(recordings, &parameters.known(), &model_at, &[as_given], settings)?)
 }
 
-/// A model as these recordings are fitted with it.
-fn as_fitted(model: &PlatformModel, recordings: &[Recording]) -> PlatformModel {
-    let model = away_from_stop(model);
-    if wheels::go_along_speeds(recordings) { wheels::along_speeds(&model) } else { model }
-}
-
 fn compared(recordings: &[Recording], model: &PlatformModel) -> Result<Vec<Comparison>, ValidationError> {
-    let model = as_fitted(model, recordings);
+    let model = away_from_stop(model);
     recordings.iter().map(|run| compare(run, &model)).collect()
 }

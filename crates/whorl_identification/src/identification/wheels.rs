@@ -1,11 +1,13 @@
 //! Wheels whose measured speeds turn the body the wrong way, or by another share than the model's.
 //!
 //! The wheels' strengths are fitted alone, with the wheels driven along their measured speeds: commands may have the sign of the model
-//! where speeds do not. Torques that are made from speeds have the tachometers' noise, which no deviation of that fit knows, and whatever
-//! else pushes the platform goes into the strengths too. What it finds is therefore a suspicion, and counts only where it makes
-//! the readings likelier than everything that was fitted.
+//! where speeds do not. Whatever else pushes the platform goes into the strengths too. What that fit finds is therefore a suspicion, and
+//! counts only where it makes the readings likelier than everything that was fitted.
+
+use std::f64::consts::{PI, TAU};
 
 use whorl_dynamics::PlatformModel;
+use whorl_math::three_digits;
 use whorl_prediction::{Parameter, PredictionError, Settings, fit};
 use whorl_recording::{Recording, Series};
 
@@ -15,10 +17,10 @@ use crate::finding::Finding;
 const LOOSE_STRENGTH: f64 = 2.0;
 /// Least strength that a model is made with: a wheel has some inertia.
 const LEAST_STRENGTH: f64 = 1e-3;
+/// Strengths of wheels whose speeds were recorded in other units: in revolutions per minute, and per second.
+const OF_OTHER_UNITS: [f64; 2] = [PI / 30.0, TAU];
 /// Strengths that are known worse than this say nothing.
 const KNOWN: f64 = 0.3;
-/// Factor to a limit that nothing reaches.
-const FAR_BEYOND: f64 = 1e3;
 /// Shares that are as close to one as this are the platform's inertia as well as the wheel's.
 const FAR_OFF: f64 = 0.3;
 
@@ -45,7 +47,7 @@ pub(super) fn check(
 }
 
 /// Wheels whose strength comes out far from the model's, as its position, share of the model's strength and standard deviation. Where one
-/// has the wrong sign no start close to the model leads there, so each sign is tried.
+/// has the wrong sign, or another unit, no start close to the model leads there, so each is tried.
 fn suspicions(
     recordings: &[Recording],
     model: &PlatformModel,
@@ -60,24 +62,22 @@ fn suspicions(
     if driven.is_empty() || wheels == 0 {
         return Vec::new();
     }
-    let known = Parameter { stddev: 1.0, range: (-2.0, 2.0) };
+    // Three deviations hold all that is tried.
+    let known = Parameter { stddev: 1.0, range: (-3.0, 3.0) };
     let given = vec![0.0; wheels];
-    let model = along_speeds(model);
     let model_at = |units: &[f64]| {
         let shares = units.iter().map(|units| 1.0 + LOOSE_STRENGTH * units);
-        Some(with_strengths(&model, shares))
+        Some(with_strengths(model, shares))
     };
-    let turned = |j: usize| {
-        let mut start = given.clone();
-        if let Some(slot) = start.get_mut(j) {
-            *slot = -2.0 / LOOSE_STRENGTH;
-        }
-        start
+    let with = |wheel: Option<usize>, share: f64| {
+        let of = |j: usize| if wheel.is_none_or(|wheel| wheel == j) { share } else { 1.0 };
+        (0..wheels).map(|j| (of(j) - 1.0) / LOOSE_STRENGTH).collect::<Vec<f64>>()
     };
-    let starts: Vec<Vec<f64>> = std::iter::once(given.clone()).chain((0..wheels).map(turned)).collect();
-    // Beside disturbances only what a second shows would count, and over that the speeds are mostly noise: momentum over the whole run tells.
-    let alone = Settings { level_needed_nats: f64::INFINITY, ..*settings };
-    let Ok(found) = fit(&driven, &vec![known; wheels], &model_at, &starts, &alone) else {
+    let single = (0..wheels).map(Some);
+    let turned = single.clone().map(|wheel| with(wheel, -1.0));
+    let in_units = single.chain([None]).flat_map(|wheel| OF_OTHER_UNITS.map(|share| with(wheel, share)));
+    let starts: Vec<Vec<f64>> = std::iter::once(given).chain(turned).chain(in_units).collect();
+    let Ok(found) = fit(&driven, &vec![known; wheels], &model_at, &starts, settings) else {
         return Vec::new();
     };
     let all = found.at.iter().enumerate().map(|(j, units)| {
@@ -116,32 +116,15 @@ fn log_of_share(
     Ok(of_wheel.max(of_speeds))
 }
 
-/// Whether no wheel's torque was recorded, but speeds were: wheels are driven along them.
-pub(super) fn go_along_speeds(recordings: &[Recording]) -> bool {
-    recordings.iter().all(|run| run.wheel_torque_command_n_m.is_empty())
-        && recordings.iter().any(|run| !run.wheel_speed_rad_s.is_empty())
-}
-
-/// A model whose wheels go as their speeds were measured: what they give the body is their inertia times their acceleration, whatever their
-/// friction and their motors' limits are. Friction that is added to the torque and taken away by the model would not cancel where a wheel
-/// turns round, and of torques with the tachometers' noise a limit would take the peaks away, on one side alone.
-pub(super) fn along_speeds(model: &PlatformModel) -> PlatformModel {
-    let mut model = model.clone();
-    for wheel in model.wheels_mut() {
-        (wheel.viscous_friction_n_m_s, wheel.coulomb_friction_n_m) = (0.0, 0.0);
-        wheel.max_torque_n_m *= FAR_BEYOND;
-    }
-    model
-}
-
 fn said(name: &str, share: f64, stddev: f64) -> Finding {
+    let (of_model, uncertain) = (three_digits(share), three_digits(stddev));
     Finding::fatal(if share < 0.0 {
         format!(
-            "{name} turns the body the wrong way: its strength comes out as {share:.2} +- {stddev:.2} of the model's. The sign of its measured speed or of its spin axis in the model is wrong; nothing else can be trusted until that is mended."
+            "{name} turns the body the wrong way: its strength comes out as {of_model} +- {uncertain} of the model's. The sign of its measured speed or of its spin axis in the model is wrong; nothing else can be trusted until that is mended."
         )
     } else {
         format!(
-            "{name} has {share:.2} +- {stddev:.2} of the strength that the model gives it: its spin inertia, the unit of its speed, or the platform's inertia is far off."
+            "{name} has {of_model} +- {uncertain} of the strength that the model gives it: its spin inertia, the unit of its speed, or the platform's inertia is far off."
         )
     })
 }

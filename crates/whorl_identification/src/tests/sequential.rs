@@ -1,27 +1,8 @@
 //! The joint filter on samples as they arrive.
 
-use whorl_dynamics::{ModelPrior, PlatformModel};
-
-use super::simulation::{at_balance, record, swinging, wrong_model};
+use super::simulation::{at_balance, prior, record, swinging, truth, wrong_model};
 use crate::mass_parameters::{MASS_PARAMETERS, NAMES, mass_vector};
 use crate::sequential::{JointUpdate, OnlineFilter};
-
-/// Wheels known exactly, mass properties to 15 %.
-fn prior(model: &PlatformModel) -> ModelPrior {
-    let mut prior = ModelPrior::typical(model);
-    prior.inertia_b_kg_m2 *= 3.0;
-    let offset = model.mass_properties.gravity_offset_b_n_m();
-    prior.gravity_offset_b_n_m = offset.map(|x| (0.2 * x.abs()).max(0.02));
-    prior.actuators.wheels.spin_inertia.fill(0.0);
-    prior.actuators.wheels.axis_rad.fill(0.0);
-    prior
-}
-
-fn truth() -> PlatformModel {
-    let mut truth = PlatformModel::whorl_1_reference();
-    truth.sensors.accelerometer.errors.bias_turn_on_stddev.fill(1.5e-3);
-    truth
-}
 
 #[test]
 fn the_online_filter_finds_the_truth() {

@@ -1,7 +1,7 @@
 //! Recordings from the truth plant.
 
 use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3};
-use whorl_dynamics::{InitialState, MassProperties, Plant, PlatformModel};
+use whorl_dynamics::{InitialState, MassProperties, ModelPrior, Plant, PlatformModel};
 use whorl_math::attitude_from_vertical;
 use whorl_recording::{Recording, Series, VectorChannel};
 
@@ -30,6 +30,24 @@ pub fn wrong_model(truth: &PlatformModel) -> PlatformModel {
     let mut model = truth.clone();
     model.mass_properties = MassProperties::new(inertia, offset, mass.mass_kg()).unwrap();
     model
+}
+
+/// Wheels known exactly, mass properties to 15 %.
+pub fn prior(model: &PlatformModel) -> ModelPrior {
+    let mut prior = ModelPrior::typical(model);
+    prior.inertia_b_kg_m2 *= 3.0;
+    let offset = model.mass_properties.gravity_offset_b_n_m();
+    prior.gravity_offset_b_n_m = offset.map(|x| (0.2 * x.abs()).max(0.02));
+    prior.actuators.wheels.spin_inertia.fill(0.0);
+    prior.actuators.wheels.axis_rad.fill(0.0);
+    prior
+}
+
+/// Whorl-I with an accelerometer that was calibrated on a level table.
+pub fn truth() -> PlatformModel {
+    let mut truth = PlatformModel::whorl_1_reference();
+    truth.sensors.accelerometer.errors.bias_turn_on_stddev.fill(1.5e-3);
+    truth
 }
 
 fn push<T>(series: &mut Series<T>, time_s: f64, value: T) {

@@ -1,29 +1,12 @@
 //! Joint filters on prepared runs.
 
-use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_dynamics::PlatformModel;
 use whorl_identification::mass_parameters::{MASS_PARAMETERS, NAMES, mass_vector};
 use whorl_identification::sequential::{JointFilter, JointUpdate, SequentialEstimate};
 use whorl_recording::Recording;
 
 use super::prepare;
-use crate::simulated_runs::{at_balance, record, swinging, wrong_model};
-
-/// Wheels known exactly, mass properties to 15 %.
-fn prior(model: &PlatformModel) -> ModelPrior {
-    let mut prior = ModelPrior::typical(model);
-    prior.inertia_b_kg_m2 *= 3.0;
-    let offset = model.mass_properties.gravity_offset_b_n_m();
-    prior.gravity_offset_b_n_m = offset.map(|x| (0.2 * x.abs()).max(0.02));
-    prior.actuators.wheels.spin_inertia.fill(0.0);
-    prior.actuators.wheels.axis_rad.fill(0.0);
-    prior
-}
-
-fn truth() -> PlatformModel {
-    let mut truth = PlatformModel::whorl_1_reference();
-    truth.sensors.accelerometer.errors.bias_turn_on_stddev.fill(1.5e-3);
-    truth
-}
+use crate::simulated_runs::{at_balance, prior, record, swinging, truth, wrong_model};
 
 fn joint(
     truth: &PlatformModel,
