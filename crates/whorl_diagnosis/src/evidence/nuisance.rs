@@ -6,8 +6,6 @@
 //! factor of three: where a set explains what there is, noise that is finer graded takes up what its formulas leave.
 //! A correlation time that is wrong by a factor of three leaves to others what is slower, or faster, than it allows.
 
-use crate::whitening::filter::About;
-
 /// Factor from size to size.
 pub(crate) const STEP: f64 = 3.0;
 
@@ -40,8 +38,6 @@ pub(crate) struct Nuisance {
     pub wheel: u8,
     /// Its correlation time: index into [`PACES`].
     pub pace: u8,
-    /// Axes about which the torque acts. About a single one it is no background but something that has no name.
-    pub about: About,
 }
 
 impl Nuisance {
@@ -67,9 +63,7 @@ impl Nuisance {
         let mut all = vec![self];
         if self.torque > 0 || self.wheel > 0 {
             let kinds = [(0, 0), (SOME, 0), (SOME, FASTEST)];
-            let of_kind = |(torque, pace)| {
-                [0, SOME].map(|wheel| Self { torque, pace, wheel, about: About::All, ..self })
-            };
+            let of_kind = |(torque, pace)| [0, SOME].map(|wheel| Self { torque, pace, wheel, ..self });
             all.extend(kinds.into_iter().flat_map(of_kind));
         }
         all
@@ -96,7 +90,7 @@ impl Nuisance {
         all.extend(steps(self.bias).into_iter().map(|bias| Self { bias, ..self }));
         for other in &mut all {
             if other.torque == 0 {
-                (other.pace, other.about) = (0, About::All);
+                other.pace = 0;
             }
         }
         all

@@ -301,7 +301,7 @@ impl Problem {
         let density = whorl_math::statistics::median(self.gyro_density.iter().copied());
         let least = inertia * density / self.memory_s / (2.0 * correlation_s).sqrt();
         let stddev_n_m = least * STEP.powi(i32::from(nuisance.torque));
-        Background { stddev_n_m, correlation_s, about: nuisance.about }
+        Background { stddev_n_m, correlation_s }
     }
 
     /// Whether the slow random torque of this noise is more than background: a good part of what turns the platform.

@@ -26,8 +26,6 @@ pub(crate) struct Noise {
     pub sizes: Nuisance,
     /// What the innovations have of colour beside it.
     pub colours: Colours,
-    /// Logarithm of the density of the data, up to a constant, prior of the sizes included.
-    pub log_density: f64,
 }
 
 /// What linearised runs may hold together, their measurements apart \[bytes\]. Those of a quarter of an hour fit for every kind of
@@ -176,8 +174,8 @@ impl Problem {
                 None => break,
             }
         }
-        let (sizes, log_density) = likeliest;
+        let (sizes, _) = likeliest;
         let colours = known.remove(&sizes).map(|(_, colours)| colours).unwrap_or_default();
-        Ok((Noise { sizes, colours, log_density }, in_use))
+        Ok((Noise { sizes, colours }, in_use))
     }
 }

@@ -8,7 +8,7 @@ use crate::evidence::problem::Problem;
 use crate::parameters::Reference;
 use crate::search::climb::Linears;
 use crate::whitening::columns::predict;
-use crate::whitening::filter::{About, Linear, System};
+use crate::whitening::filter::{Linear, System};
 use crate::whitening::mechanics::Mechanics;
 
 /// All transitions, with the columns that they have.
@@ -31,8 +31,8 @@ fn runs_linearised_for_many_kinds_of_noise_stay_within_their_room_and_are_the_sa
         System { run, motion, mechanics: &mechanics, prediction: &prediction, settings }
     };
     let quiet = Nuisance::default();
-    let torque = |pace, about| Nuisance { torque: 1, pace, about, ..quiet };
-    let kinds = [quiet, torque(0, About::All), torque(1, About::All), torque(2, About::World(2))];
+    let torque = |pace| Nuisance { torque: 1, pace, ..quiet };
+    let kinds = [quiet, torque(0), torque(1), torque(2)];
     let room = 5 * system(kinds[1]).linear().own_bytes() / 2;
     let mut linears = Linears::within(room);
     for kind in kinds.into_iter().cycle().take(3 * kinds.len()) {

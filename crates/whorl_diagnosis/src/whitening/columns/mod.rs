@@ -56,14 +56,10 @@ pub(crate) enum Stray {
     Torque(Vec<Vector3<f64>>),
     /// Torque on a wheel about its axis, its reaction on the body, over every interval [N m].
     Wheel(usize, Vec<f64>),
-    /// Reading of the gyro [rad/s].
-    Gyro(Vec<Vector3<f64>>),
-    /// Turn of what the vector sensors see, body axes \[rad\].
-    Direction(Vec<Vector3<f64>>),
 }
 
 impl Stray {
-    fn change(&self, run: &Run, linearised: &Linearised) -> Change {
+    fn change(&self, linearised: &Linearised) -> Change {
         let inverse = linearised.mechanics.inverse_inertia();
         let wheels = linearised.mechanics.model().wheels();
         // A wheel without torque about its axis keeps its momentum.
@@ -88,21 +84,13 @@ impl Stray {
                 let wheel_dot = omega_dot.iter().zip(torque).map(of_wheel).collect();
                 Change { omega_dot, wheel_dot, ..Change::default() }
             }
-            Self::Gyro(reading) => Change { gyro: reading.clone(), ..Change::default() },
-            Self::Direction(turn) => {
-                let seen = |sensor: usize| linearised.prediction.vectors.get(sensor);
-                let of_sensor = |sensor: usize| {
-                    turn.iter().zip(seen(sensor).into_iter().flatten()).map(|(t, v)| t.cross(v)).collect()
-                };
-                Change { vectors: (0..run.vectors.len()).map(of_sensor).collect(), ..Change::default() }
-            }
         }
     }
 }
 
 /// Whitened sensitivities to what has no formula.
 pub(crate) fn stray_response(run: &Run, linearised: &Linearised, strays: &[Stray]) -> Vec<Vec<Lanes>> {
-    let changes: Vec<Change> = strays.iter().map(|stray| stray.change(run, linearised)).collect();
+    let changes: Vec<Change> = strays.iter().map(|stray| stray.change(linearised)).collect();
     pass(run, linearised, &changes)
 }
 

@@ -109,7 +109,7 @@ fn what_acts_inside_changes_no_momentum() {
     let reference = Reference::new(&model, &ModelPrior::typical(&model));
     let problem = Problem::new(std::slice::from_ref(&recording), reference, 12.0, 1).unwrap();
     let linear = problem.linearise(&problem.reference.point()).unwrap();
-    let (run, linear) = (&problem.runs[0], &linear[0]);
+    let linear = &linear[0];
     // Body and wheels turn as one with the inertia of the whole; a wheel's own speed adds to it.
     let momentum = |change: &Change| {
         let wheels = model.wheels().iter().zip(change.wheel_dot[0]);
@@ -118,10 +118,10 @@ fn what_acts_inside_changes_no_momentum() {
         model.mass_properties.inertia_b_kg_m2() * change.omega_dot[0] + of_wheels
     };
     for wheel in 0..model.wheels().len() {
-        let inside = Stray::Wheel(wheel, vec![0.01]).change(run, linear);
+        let inside = Stray::Wheel(wheel, vec![0.01]).change(linear);
         assert!(inside.omega_dot[0].norm() > 1e-4 && momentum(&inside).norm() < 1e-9, "{inside:?}");
     }
     let torque = Vector3::new(0.003, -0.001, 0.002);
-    let outside = Stray::Torque(vec![torque]).change(run, linear);
+    let outside = Stray::Torque(vec![torque]).change(linear);
     assert!((momentum(&outside) - torque).norm() < 1e-9, "{outside:?}");
 }

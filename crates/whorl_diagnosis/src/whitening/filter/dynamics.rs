@@ -3,7 +3,7 @@
 use nalgebra::Matrix3;
 use whorl_math::{skew, vertical_b};
 
-use super::{ANGLE, About, RATE, System, WHEEL};
+use super::{ANGLE, RATE, System, WHEEL};
 
 fn put(matrix: &mut [f64], n: usize, row: usize, column: usize, block: &Matrix3<f64>) {
     for i in 0..3 {
@@ -69,18 +69,12 @@ impl System<'_> {
         }
         if self.settings.has_torque() {
             let torque = WHEEL + self.wheels();
-            // The state is a torque in axes of the body, or of the room.
-            let in_body = match self.settings.background.about {
-                About::World(_) => q.inverse().to_rotation_matrix().into_inner(),
-                About::All | About::Body(_) => Matrix3::identity(),
-            };
-            let by_torque = rate.by_torque * in_body;
-            put(a, n, RATE, torque, &by_torque);
+            put(a, n, RATE, torque, &rate.by_torque);
             for i in torque..torque + 3 {
                 a[i * n + i] = -self.settings.torque_decay_per_s();
             }
             for (j, wheel) in model.wheels().iter().enumerate() {
-                let row = -(by_torque.transpose() * wheel.spin_axis_b.into_inner());
+                let row = -(rate.by_torque.transpose() * wheel.spin_axis_b.into_inner());
                 for i in 0..3 {
                     a[(WHEEL + j) * n + torque + i] = row[i];
                 }

@@ -43,30 +43,6 @@ pub(crate) struct Background {
     pub stddev_n_m: f64,
     /// Time over which it forgets itself \[s\].
     pub correlation_s: f64,
-    /// The axes about which it acts.
-    pub about: About,
-}
-
-/// Axes about which a torque acts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
-pub(crate) enum About {
-    /// All, each by itself.
-    #[default]
-    All,
-    /// This axis of the body.
-    Body(u8),
-    /// This axis of the room.
-    World(u8),
-}
-
-impl About {
-    /// Share of the variance about an axis.
-    fn share(self, axis: usize) -> f64 {
-        match self {
-            Self::All => 1.0,
-            Self::Body(own) | Self::World(own) => f64::from(u8::from(usize::from(own) == axis)),
-        }
-    }
 }
 
 /// How the filter is set.
@@ -103,10 +79,10 @@ impl Settings {
     }
 
     /// Variance that the torque of the state about an axis gains in a second [N^2 m^2/s].
-    fn torque_intensity(&self, axis: usize) -> f64 {
+    fn torque_intensity(&self) -> f64 {
         let background = &self.background;
         let of_background = 2.0 * background.stddev_n_m.powi(2) / background.correlation_s.max(1e-3);
-        self.torque_walk.powi(2) + background.about.share(axis) * of_background
+        self.torque_walk.powi(2) + of_background
     }
 }
 

@@ -153,7 +153,7 @@ impl System<'_> {
                 diagonal(GYRO_BIAS + i, relative(sensors.gyro.errors.bias_walk[i], s.gyro_bias_walk));
                 diagonal(ACCEL_BIAS + i, relative(sensors.accelerometer.errors.bias_walk[i], 1e-6));
                 if s.has_torque() {
-                    diagonal(WHEEL + self.wheels() + i, s.torque_intensity(i) * h);
+                    diagonal(WHEEL + self.wheels() + i, s.torque_intensity() * h);
                 }
             }
         }
@@ -228,8 +228,7 @@ impl System<'_> {
             let walked = if self.settings.torque_walk > 0.0 { 0.1 } else { 0.0 };
             for i in 0..3 {
                 let background = &self.settings.background;
-                variance[WHEEL + self.wheels() + i] =
-                    walked * walked + background.about.share(i) * background.stddev_n_m.powi(2);
+                variance[WHEEL + self.wheels() + i] = walked * walked + background.stddev_n_m.powi(2);
             }
         }
         let slots = variance.iter_mut().skip(self.first_hidden()).take(self.hidden_states());
