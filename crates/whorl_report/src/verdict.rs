@@ -35,6 +35,8 @@ pub struct Circumstances {
     pub messages: u64,
     /// Messages lost on the way to the recorder.
     pub lost: u64,
+    /// Whether traffic was secured.
+    pub secured: bool,
 }
 
 /// What a run came to.
@@ -179,7 +181,13 @@ pub fn judge(run: &RunData, summary: &Summary, circumstances: &Circumstances) ->
         notes.push(format!("{late_timers} deadlines missed"));
     }
     if command_timeouts > 0 {
-        notes.push(format!("commands came late or not at all, {command_timeouts} times"));
+        // The gate waits for one stall longer there (`whorl_driver::gate`).
+        let secured = if circumstances.secured {
+            "; secured, the DDS library stands still for 100 ms at a time, one of which the gate allows for"
+        } else {
+            ""
+        };
+        notes.push(format!("commands came late or not at all, {command_timeouts} times{secured}"));
     }
     if circumstances.lost as f64 > LOST_SHARE * circumstances.messages as f64 {
         notes.push(format!("{} of {} messages lost", circumstances.lost, circumstances.messages));
