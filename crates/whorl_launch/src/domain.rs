@@ -179,7 +179,10 @@ impl Domain {
 
     pub(crate) fn forget(&self, label: &str) {
         let _ = std::fs::remove_file(self.folder.join(format!("{label}.pid")));
-        let _ = std::fs::remove_file(self.progress(label));
+        let progress = self.progress(label);
+        let _ = std::fs::remove_file(&progress);
+        // Of a process that was killed while it wrote.
+        let _ = std::fs::remove_file(progress.with_extension("new"));
     }
 
     /// Forgets a supervisor, and the folder once nothing is in it.

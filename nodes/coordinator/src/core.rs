@@ -78,6 +78,12 @@ impl CoordinatorCore {
         })
     }
 
+    /// The same where keys are exchanged before messages are: it waits for `waiting.healthy_for_secured_s`.
+    #[must_use]
+    pub fn secured(self, secured: bool) -> Self {
+        Self { secured, ..self }
+    }
+
     fn tick(&mut self, now: Timestamp, outputs: &mut Outputs) {
         let first = self.tick_at.is_none();
         let at = self.tick_at.map_or(now, |last| last + PERIOD);

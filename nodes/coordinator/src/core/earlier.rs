@@ -19,8 +19,7 @@ impl CoordinatorCore {
     }
 
     /// What a coordinator that is started again needs to go on ([`Self::going_on`]). `None`: nothing has begun, and what was kept
-    /// before still holds.
-    /// Nor is anything kept of one that does not command the whole formation: nobody waits for it.
+    /// before still holds; or this one does not command the whole formation, so that nobody waits for it.
     #[must_use]
     pub fn progress(&self, now: Timestamp) -> Option<String> {
         if self.parameters.role != Role::Formation {
@@ -32,12 +31,6 @@ impl CoordinatorCore {
             Stage::Waiting { .. } | Stage::Ready | Stage::Aborted { run: None, .. } => return None,
         };
         Some(progress.to_text())
-    }
-
-    /// The same where keys are exchanged before messages are: it waits for `waiting.healthy_for_secured_s`.
-    #[must_use]
-    pub fn secured(self, secured: bool) -> Self {
-        Self { secured, ..self }
     }
 
     /// At its first tick: decides whether it goes on.
