@@ -76,8 +76,13 @@ impl CoordinatorCore {
 
     fn too_long(&self, away_s: f64) -> String {
         let limit_s = self.parameters.link.timeout_s;
+        let for_how_long = if away_s.is_finite() {
+            format!("for {away_s:.0} s")
+        } else {
+            "since before this computer was started, or for a time that nobody knows".to_owned()
+        };
         format!(
-            "the experiment was without a coordinator for {away_s:.0} s; it goes on by itself within {limit_s:.0} s (link.timeout_s)"
+            "the experiment was without a coordinator {for_how_long}; it goes on by itself within {limit_s:.0} s (link.timeout_s)"
         )
     }
 }
