@@ -230,7 +230,17 @@ fn ctrl_c_at_any_moment_leaves_no_process_and_only_readable_runs() {
 
 #[test]
 fn a_node_that_dies_is_started_again_and_a_run_whose_recording_is_lost_fails() {
-    let mut script = Laboratory::experiment(&["leader_follower_short"]);
+    // On a busy computer a node takes longer to come back than an experiment usually waits for it, and the end of the experiment would come
+    // before the loss of its recording.
+    let patient = tempfile::tempdir().unwrap();
+    let file = patient.path().join("patient.yaml");
+    let short =
+        std::fs::read_to_string(root().join("params/experiments/leader_follower_short.yaml")).unwrap();
+    let section = "/coordinator:\n  ros__parameters:\n";
+    assert!(short.contains(section));
+    let waits = format!("{section}    faults: {{timeout_s: 600.0}}\n    link: {{timeout_s: 600.0}}\n");
+    std::fs::write(&file, short.replace(section, &waits)).unwrap();
+    let mut script = Laboratory::experiment(&[file.to_str().unwrap()]);
     let told = |script: &Laboratory, words: &str| {
         wait_for(words, STARTUP, || script.scripts[0].log().contains(words).then_some(()));
     };
@@ -248,7 +258,12 @@ fn a_node_that_dies_is_started_again_and_a_run_whose_recording_is_lost_fails() {
         script.processes().iter().any(|p| is_it(&p) && *p != victim).then_some(())
     });
 
-    std::fs::remove_dir_all(script.run().unwrap()).unwrap();
+    // Nodes write logs and the recorder files meanwhile: a folder in which something has just been made is not empty.
+    let run = script.run().unwrap();
+    wait_for("the run directory to be gone", STARTUP, || {
+        let removed = std::fs::remove_dir_all(&run);
+        (removed.is_ok() || !run.exists()).then_some(())
+    });
     let code = script.finish(RUN);
     let log = script.scripts[0].log();
     assert_eq!(code, Some(1), "{log}");

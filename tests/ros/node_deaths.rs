@@ -5,9 +5,11 @@
 use std::time::Duration;
 
 use whorl_msgs::topics::Topic;
-use whorl_msgs::whorl::{ActuatorCommand, AttitudeEstimate, ControlStatus, FormationState};
+use whorl_msgs::whorl::{ActuatorCommand, AttitudeEstimate, ControlStatus, FormationCommand, FormationState};
+use whorl_node::Timestamp;
+use whorl_ros::wall_clock;
 
-use crate::support::formation::{Formation, STARTUP};
+use crate::support::formation::{Formation, LONG_HOLD, STARTUP};
 use crate::support::measured;
 use crate::support::watch::{Watch, route};
 
@@ -28,7 +30,11 @@ fn wait_for_recovery(watch: &Watch, after: &str) {
 
 #[test]
 fn each_node_may_die_and_come_back() {
-    let (mut formation, watch) = Formation::holding(&[]);
+    let mut formation = Formation::new(&["whorl_1", "whorl_2"], &[LONG_HOLD]);
+    // As `whorl run` has it: a coordinator that is started again goes on.
+    let progress = formation.folder().join("coordinator.progress");
+    formation.set_environment_of_all(vec![("WHORL_PROGRESS_FILE".into(), progress.display().to_string())]);
+    let (mut formation, watch) = formation.held();
     let status = route(FOLLOWER, Topic::ControlStatus);
     let estimate = route(FOLLOWER, Topic::AttitudeEstimate);
     let state = route(0, Topic::FormationState);
@@ -66,7 +72,10 @@ fn each_node_may_die_and_come_back() {
     wait_for_recovery(&watch, "the driver's death");
 
     // Coordinator: without its heartbeat no node has authority; the platforms come to rest and let go.
+    // Long enough in the hold that a new beginning would be seen.
+    watch.wait_next::<FormationState>("ten seconds of the hold", state, STARTUP, |m| m.step_elapsed_s > 10.0);
     formation.kill("/coordinator");
+    let died = wall_clock();
     for platform in 0..2 {
         let status = route(platform, Topic::ControlStatus);
         watch.wait_next::<ControlStatus>("a hold without authority", status, STARTUP, |m| {
@@ -82,6 +91,40 @@ fn each_node_may_die_and_come_back() {
     }
     formation.start("/coordinator");
     wait_for_recovery(&watch, "the coordinator's death");
+    // It never was in its first step again, and the time without it counts as waiting.
+    let log = watch.log();
+    let states = log.after::<FormationState>(state, died);
+    let running: Vec<_> =
+        states.map(|(_, m)| m).filter(|m| m.phase >= FormationState::PHASE_SETTLE).collect();
+    assert!(running.iter().all(|m| m.step.starts_with("hold") && m.step_elapsed_s > 9.0), "{:?}", running[0]);
+    drop(log);
+
+    // What is too old moves nothing, however often it is started.
+    formation.kill("/coordinator");
+    let text = std::fs::read_to_string(&progress).unwrap();
+    let (stamp, kept) = text.split_once('\n').unwrap();
+    let words: Vec<&str> = stamp.split(' ').collect();
+    let [boot, monotonic_s, wall_s] = words[..] else { panic!("{stamp}") };
+    let earlier = |seconds: &str| seconds.parse::<f64>().unwrap() - 400.0;
+    let old = format!("{boot} {} {}\n{kept}", earlier(monotonic_s), earlier(wall_s));
+    std::fs::write(&progress, old).unwrap();
+    let stale = wall_clock();
+    formation.start("/coordinator");
+    watch.wait_next::<FormationState>("an end in place of a motion", state, STARTUP, |m| {
+        m.phase == FormationState::PHASE_ABORTED && m.step.contains("without a coordinator")
+    });
+    let log = watch.log();
+    let commands = log.after::<FormationCommand>(route(0, Topic::FormationCommand), stale);
+    // The last of the killed one may still be on its way.
+    let own: Vec<_> = commands.filter(|(_, m)| Timestamp::from(m.header.stamp) > stale).collect();
+    assert!(!own.is_empty());
+    assert_eq!(own.iter().filter(|(_, m)| m.command != FormationCommand::COMMAND_STANDBY).count(), 0);
+    drop(log);
+    // Without anything kept, as `whorl run` starts: from the beginning.
+    formation.kill("/coordinator");
+    std::fs::remove_file(&progress).unwrap();
+    formation.start("/coordinator");
+    wait_for_recovery(&watch, "a new beginning");
 
     formation.stop();
 }

@@ -70,6 +70,20 @@ pub struct RunDescription {
     pub notes: Vec<(String, String)>,
 }
 
+impl RunDescription {
+    /// The note on a run whose traffic was secured.
+    #[must_use]
+    pub fn secured_note() -> (String, String) {
+        ("traffic".to_owned(), "secured".to_owned())
+    }
+
+    /// Whether its traffic was secured.
+    #[must_use]
+    pub fn is_secured(&self) -> bool {
+        self.notes.contains(&Self::secured_note())
+    }
+}
+
 /// The manifest of a run.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Manifest {

@@ -29,7 +29,7 @@ mod trial;
 use trial::{Checked, Mean, Since, Tried, damping};
 
 /// Torque of a wheel, as a share of what it can do, and for how long.
-const WHEEL_SHARE: f64 = 0.3;
+const WHEEL_SHARE: f64 = 0.6;
 const WHEEL_S: f64 = 0.5;
 /// Rate of a gimbal, as a share of what it can do, and for how long.
 const GIMBAL_SHARE: f64 = 0.4;
@@ -53,8 +53,8 @@ const SHORTEST: f64 = 0.5;
 const LONGEST: f64 = 4.0;
 /// A part that seems wrong, or whose size is not known, is tried so often in all.
 const ATTEMPTS: usize = 6;
-/// A size that is known to this standard deviation is known: less than the priors usually leave open.
-const SURE: f64 = 0.05;
+/// A size that is known to this standard deviation is known: half of what priors usually leave open, so that these decide.
+const SURE: f64 = 0.03;
 /// Samples that are so many times as far apart as usual were read late.
 const GAP: f64 = 3.0;
 /// Samples may come so late.
@@ -430,6 +430,8 @@ impl<'a> Bench<'a> {
         let mut attempt = 0;
         loop {
             attempt += 1;
+            // To and fro, so that attempts do not carry the platform to its stop.
+            let command = if attempt % 2 == 1 { command } else { -command };
             let Tried { trial, is_good } = self.try_once(part, command, length_s, model)?;
             let alone = judge(model, prior, &trial).context("the model has this part")?;
             self.bring_back(part, command, answers, model)?;

@@ -127,7 +127,10 @@ fn watch(arguments: &Arguments) -> anyhow::Result<()> {
                 return Ok(());
             }
             Some(FormationState::PHASE_ABORTED) if !stay => {
-                bail!("the experiment was aborted; the coordinator's log says why");
+                match view.formation.as_ref().map(|f| f.step.as_str()).filter(|why| !why.is_empty()) {
+                    Some(why) => bail!("the experiment was aborted: {why}"),
+                    None => bail!("the experiment was aborted; the coordinator's log says why"),
+                }
             }
             _ => {}
         }

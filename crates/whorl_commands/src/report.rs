@@ -138,6 +138,7 @@ fn circumstances(
         },
         messages: manifest.message_count(),
         lost: manifest.lost(),
+        secured: manifest.description.is_secured(),
     }
 }
 

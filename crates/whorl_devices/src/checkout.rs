@@ -121,12 +121,15 @@ impl Size {
 }
 
 impl Trial {
-    /// The mean of attempts of one part, as if each had lasted as long as the first. `None` without any.
+    /// The mean of attempts of one part, as if each had lasted as long as the first and had its sign. `None` without any.
     #[must_use]
     pub fn mean(attempts: &[Self]) -> Option<Self> {
         let first = attempts.first()?;
         let count = attempts.len() as f64;
-        let per_attempt = |trial: &Self| trial.rate_change_b_rad_s * (first.length_s / trial.length_s);
+        // Jets have no command, and one sign.
+        let sign = |trial: &Self| if first.command * trial.command < 0.0 { -1.0 } else { 1.0 };
+        let per_attempt =
+            |trial: &Self| trial.rate_change_b_rad_s * (sign(trial) * first.length_s / trial.length_s);
         let noise = |trial: &Self| (trial.noise_rad_s * first.length_s / trial.length_s).powi(2);
         Some(Self {
             rate_change_b_rad_s: attempts.iter().map(per_attempt).sum::<Vector3<f64>>() / count,
@@ -438,6 +441,13 @@ mod tests {
         assert!((mean.rate_change_b_rad_s.x + 0.0114).abs() < 1e-12, "{mean:?}");
         assert!((mean.noise_rad_s - 1e-4 * 1.25_f64.sqrt() / 2.0).abs() < 1e-12, "{mean:?}");
         assert!(Trial::mean(&[]).is_none());
+        // Driven the other way it does the opposite.
+        let back =
+            Trial { command: -0.1, rate_change_b_rad_s: Vector3::new(0.0124, 0.0, 0.0), ..trial.clone() };
+        let mean = Trial::mean(&[trial.clone(), back]).unwrap();
+        assert!((mean.rate_change_b_rad_s.x + 0.0116).abs() < 1e-12, "{mean:?}");
+        let size = judge(&model, &prior, &mean).unwrap().size().unwrap();
+        assert!((size.size - 1.16).abs() < 1e-9, "{size:?}");
         // A noisy gyro widens what is right.
         let noisy = Trial { noise_rad_s: 1e-3, ..trial.clone() };
         assert!(judge(&model, &known, &noisy).unwrap().size().unwrap().stddev > 0.1);

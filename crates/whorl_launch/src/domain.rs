@@ -60,6 +60,11 @@ impl Domain {
         Self { id, folder, lock: locks.join(format!("whorl-domain-{id}.lock")) }
     }
 
+    /// File in which a coordinator keeps how far its experiment has come.
+    pub(crate) fn progress(&self, label: &str) -> PathBuf {
+        self.folder.join(format!("{label}.progress"))
+    }
+
     /// Folder for the logs of nodes started by hand.
     #[must_use]
     pub fn logs(&self) -> PathBuf {
@@ -174,6 +179,10 @@ impl Domain {
 
     pub(crate) fn forget(&self, label: &str) {
         let _ = std::fs::remove_file(self.folder.join(format!("{label}.pid")));
+        let progress = self.progress(label);
+        let _ = std::fs::remove_file(&progress);
+        // Of a process that was killed while it wrote.
+        let _ = std::fs::remove_file(progress.with_extension("new"));
     }
 
     /// Forgets a supervisor, and the folder once nothing is in it.
@@ -194,7 +203,9 @@ impl Domain {
         end(&others, NODES_END);
         end(&recorders, RECORDER_ENDS);
         let files = std::fs::read_dir(&self.folder).into_iter().flatten().flatten().map(|entry| entry.path());
-        for path in files.filter(|path| path.extension().is_some_and(|e| e == "pid" || e == "supervisor")) {
+        for path in files.filter(|path| {
+            path.extension().is_some_and(|e| e == "pid" || e == "supervisor" || e == "progress")
+        }) {
             let _ = std::fs::remove_file(path);
         }
         let _ = std::fs::remove_dir(&self.folder);

@@ -36,6 +36,8 @@ const LAST_LINES: usize = 20;
 /// In the environment of a node: it ends when its standard input does, which is the launcher's end (`whorl_ros` reads it). The
 /// kernel's own signal for that (`PR_SET_PDEATHSIG`) comes when the *thread* ends that started the process.
 const ENDS_WITH_INPUT: &str = "WHORL_ENDS_WITH_INPUT";
+/// In the environment of a coordinator: the file in which it keeps how far its experiment has come (`nodes/programs` reads it).
+const PROGRESS_FILE: &str = "WHORL_PROGRESS_FILE";
 
 /// Processes that were started here. They end when this is dropped, and when this process is killed.
 #[derive(Debug)]
@@ -130,7 +132,15 @@ impl Supervisor {
         let log = logs.join(format!("{label}.log"));
         let file = File::create(&log).map_err(LaunchError::io("cannot create", &log))?;
         let program = programs.path(node)?;
-        let command = command(&program, &arguments, &self.environment, file, &log)?;
+        let environment = self.environment_of(&label, node);
+        let command = command(&program, &arguments, &environment, file, &log)?;
+        let progress = self.domain.progress(&label);
+        // What is left of an earlier experiment must not go on in this one.
+        if let Err(error) = std::fs::remove_file(&progress)
+            && error.kind() != std::io::ErrorKind::NotFound
+        {
+            return Err(LaunchError::io("cannot remove", &progress)(error));
+        }
         let child = spawn(command, self.real_time.as_ref(), node, &program)?;
         self.domain.remember(&label, child.id());
         let running = Running {
@@ -148,9 +158,18 @@ impl Supervisor {
         Ok(())
     }
 
+    /// What every process gets, and where a coordinator keeps how far its experiment has come.
+    fn environment_of(&self, label: &str, node: Node) -> Vec<(OsString, OsString)> {
+        let all = self.environment.iter().map(|(name, value)| (name.into(), value.into()));
+        let own =
+            (node == Node::Coordinator).then(|| (PROGRESS_FILE.into(), self.domain.progress(label).into()));
+        all.chain(own).collect()
+    }
+
     /// Starts a process again that has ended by accident, at once or, when it has ended often, after the time that is returned
     /// ([`Self::start_due`]); `None` when there is no such process, or it runs. Its log goes on in the same file. A recorder goes
-    /// on in a directory of its own, whose name ends with a number: a bag that was not closed is not written to again.
+    /// on in a directory of its own, whose name ends with a number: a bag that was not closed is not written to again. A
+    /// coordinator goes on with its experiment.
     ///
     /// # Errors
     /// When the program, or the log, cannot be opened.
@@ -191,6 +210,10 @@ impl Supervisor {
     }
 
     fn start_again(&mut self, label: &str) -> Result<(), LaunchError> {
+        let Some(node) = self.children.iter().find(|r| r.label == label && r.ended).map(|r| r.node) else {
+            return Ok(());
+        };
+        let environment = self.environment_of(label, node);
         let Some(running) = self.children.iter_mut().find(|r| r.label == label && r.ended) else {
             return Ok(());
         };
@@ -203,7 +226,7 @@ impl Supervisor {
             .open(&running.log)
             .or_else(|_| File::options().write(true).open("/dev/null"))
             .map_err(LaunchError::io("cannot write to", &running.log))?;
-        let command = command(&running.program, &running.arguments, &self.environment, file, &running.log)?;
+        let command = command(&running.program, &running.arguments, &environment, file, &running.log)?;
         running.child = spawn(command, self.real_time.as_ref(), running.node, &running.program)?;
         running.ended = false;
         self.domain.remember(label, running.child.id());
@@ -261,7 +284,7 @@ impl Drop for Supervisor {
 fn command(
     program: &Path,
     arguments: &[OsString],
-    environment: &[(String, String)],
+    environment: &[(OsString, OsString)],
     log: File,
     log_path: &Path,
 ) -> Result<Command, LaunchError> {

@@ -150,7 +150,7 @@ fn a_domain_is_for_one_experiment_or_for_pieces_that_are_there_once() {
 /// Programs that write down when they start and end. Another process makes them executable: a file that this process
 /// has written could still be open for writing in a child that another test has just forked ("text file busy").
 fn programs(folder: &Path, text: &str) -> Programs {
-    for node in [Node::Driver, Node::Recorder] {
+    for node in [Node::Driver, Node::Recorder, Node::Coordinator] {
         let path = folder.join(node.name());
         let text = text.replace("NAME", node.name()).replace("FOLDER", &folder.display().to_string());
         let script = path.with_extension("sh");
@@ -282,6 +282,30 @@ fn a_recorder_that_is_started_again_records_into_a_directory_of_its_own() {
     wait_for("the third", || log().lines().count() == 3);
     let lines = ["run_directory:=runs/a", "run_directory:=runs/a_part2", "run_directory:=runs/a_part3"];
     assert_eq!(log().lines().collect::<Vec<_>>(), lines);
+}
+
+#[test]
+fn a_coordinator_that_is_started_again_finds_what_it_kept_and_a_new_experiment_does_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "f=$WHORL_PROGRESS_FILE; cat $f 2>/dev/null && exec sleep 60; echo begins; echo goes on >$f; kill -KILL $$";
+    let programs = programs(folder.path(), text);
+    let logs = folder.path().join("logs");
+    let log = || std::fs::read_to_string(logs.join("coordinator.log")).unwrap_or_default();
+    let domain = || Domain::at(1, folder.path().join("state"), folder.path());
+    let process =
+        || Process { label: "coordinator".to_owned(), node: Node::Coordinator, arguments: Vec::new() };
+    for _ in 0..2 {
+        let mut supervisor = Supervisor::new(domain());
+        supervisor.start(&programs, process(), &logs).unwrap();
+        wait_for("its end", || supervisor.ended().is_some());
+        // As after a launcher that was killed.
+        let left = std::fs::read(domain().progress("coordinator")).unwrap();
+        supervisor.restart("coordinator").unwrap();
+        wait_for("the second", || log() == "begins\ngoes on\n");
+        supervisor.stop();
+        assert!(!domain().progress("coordinator").exists(), "an experiment that is over leaves nothing");
+        std::fs::write(domain().progress("coordinator"), left).unwrap();
+    }
 }
 
 #[test]

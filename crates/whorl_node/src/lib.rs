@@ -20,6 +20,10 @@ pub use whorl_msgs::topics::{Message, Route, Service, Topic};
 
 use std::time::Duration;
 
+/// Where traffic is secured, the DDS library stands still for this long whenever two of its threads want the same lock
+/// (docs/upstream/rustdds.md): deadlines of messages between the nodes of a platform are longer by one such stall there.
+pub const SECURED_STALL: Duration = Duration::from_millis(100);
+
 /// What happened to a node.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event<'a> {

@@ -115,7 +115,8 @@ fn followed_from(
     let without = Noise { disturbance: Disturbance::NONE, ..noise.clone() };
     let (alone, likelihood_alone) = fitted_start_near(case, &without, &fitted);
     let gain_nats = log - likelihood_alone.log;
-    if gain_nats > settings.level_needed_nats {
+    // Levels may all have come to nothing.
+    if gain_nats > settings.level_needed_nats && noise.disturbance.is_some() {
         Followed { noise, fitted: FittedStart { start, ..fitted }, alone, likelihood_alone, gain_nats }
     } else {
         Followed { noise: without, fitted: alone.clone(), alone, likelihood_alone, gain_nats }

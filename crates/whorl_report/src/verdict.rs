@@ -17,6 +17,9 @@ const LATE_PER_S: f64 = 1.0;
 /// Share of lost messages that is worth a word.
 const LOST_SHARE: f64 = 1e-3;
 
+const OVERLOADED: &str = "this computer could not keep up, and says nothing about the experiment: end other programs and run it again. `whorl doctor` \
+                          shows what keeps it busy, `whorl run --realtime` gives the nodes precedence, and `whorl simulate` needs no real time";
+
 /// What is known of a run beside its messages.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Circumstances {
@@ -32,6 +35,8 @@ pub struct Circumstances {
     pub messages: u64,
     /// Messages lost on the way to the recorder.
     pub lost: u64,
+    /// Whether traffic was secured.
+    pub secured: bool,
 }
 
 /// What a run came to.
@@ -65,6 +70,8 @@ pub struct Verdict {
     pub late_timers: u64,
     /// How often a driver switched off while the experiment ran, because commands came late or not at all.
     pub command_timeouts: u64,
+    /// Whether the computer could not keep up with its deadlines.
+    pub overloaded: bool,
     /// All in one line.
     pub line: String,
 }
@@ -74,6 +81,12 @@ impl Verdict {
     #[must_use]
     pub fn failed(&self) -> bool {
         self.result == Result::Failed
+    }
+
+    /// What to do about a run that failed on a computer that could not keep up; `None` for every other.
+    #[must_use]
+    pub fn advice(&self) -> Option<&'static str> {
+        (self.failed() && self.overloaded).then_some(OVERLOADED)
     }
 }
 
@@ -161,13 +174,20 @@ pub fn judge(run: &RunData, summary: &Summary, circumstances: &Circumstances) ->
     if let Some(why) = &circumstances.incomplete {
         reasons.push(format!("the recording is not complete: {why}"));
     }
-    if late_timers as f64 > LATE_PER_S * summary.duration_s {
+    let overloaded = late_timers as f64 > LATE_PER_S * summary.duration_s;
+    if overloaded {
         notes.push(format!("this computer was overloaded: {late_timers} deadlines missed"));
     } else if late_timers > 0 {
         notes.push(format!("{late_timers} deadlines missed"));
     }
     if command_timeouts > 0 {
-        notes.push(format!("commands came late or not at all, {command_timeouts} times"));
+        // The gate waits for one stall longer there (`whorl_driver::gate`).
+        let secured = if circumstances.secured {
+            "; secured, the DDS library stands still for 100 ms at a time, one of which the gate allows for"
+        } else {
+            ""
+        };
+        notes.push(format!("commands came late or not at all, {command_timeouts} times{secured}"));
     }
     if circumstances.lost as f64 > LOST_SHARE * circumstances.messages as f64 {
         notes.push(format!("{} of {} messages lost", circumstances.lost, circumstances.messages));
@@ -179,7 +199,18 @@ pub fn judge(run: &RunData, summary: &Summary, circumstances: &Circumstances) ->
         (false, false) => Result::Failed,
     };
     let line = line(result, summary.duration_s, &reasons, &notes);
-    Verdict { result, reasons, notes, safe_s, uncommanded_s, clipped_s, late_timers, command_timeouts, line }
+    Verdict {
+        result,
+        reasons,
+        notes,
+        safe_s,
+        uncommanded_s,
+        clipped_s,
+        late_timers,
+        command_timeouts,
+        overloaded,
+        line,
+    }
 }
 
 fn line(result: Result, duration_s: f64, reasons: &[String], notes: &[String]) -> String {
@@ -203,8 +234,14 @@ pub fn measured(platform: &PlatformSummary, key: &str) -> Option<(f64, &'static 
     })
 }
 
-/// Why the experiment was aborted, as the coordinator said last.
+/// Why the experiment was aborted, as the coordinator said last: in the formation's state ten times a second, in the diagnostics once.
 fn aborted_for(run: &RunData) -> Option<&str> {
+    let last = run.formation.last().map(|state| &state.message);
+    let in_state =
+        last.filter(|state| state.phase == FormationState::PHASE_ABORTED).map(|state| &*state.step);
+    if let Some(why) = in_state.filter(|why| !why.is_empty()) {
+        return Some(why);
+    }
     let said = run.diagnostics.iter().rev().flat_map(|array| &array.message.status);
     said.filter(|status| status.name.ends_with(": experiment"))
         .find_map(|status| status.message.strip_prefix("aborted: "))
@@ -338,6 +375,40 @@ mod tests {
             judge(&RunData::default(), &crate::metrics::summarise(&RunData::default()), &target).result,
             Result::NotJudged
         );
+    }
+
+    #[test]
+    fn an_abort_on_an_overloaded_computer_says_why_and_what_to_do() {
+        let mut run = run(FormationState::PHASE_HOLD, |_| TRACKING, |_| false);
+        let last = FormationState {
+            header: header(10.1),
+            phase: FormationState::PHASE_ABORTED,
+            step: "whorl_1 did not follow its reference".to_owned(),
+            platforms: vec!["whorl_1".to_owned()],
+            ..FormationState::default()
+        };
+        add(&mut run, "/formation/state", 10.1, last);
+        let well = verdict(&run, &Circumstances::default());
+        assert_eq!(well.reasons, ["the experiment was aborted: whorl_1 did not follow its reference"]);
+        assert_eq!((well.overloaded, well.advice()), (false, None));
+        let values = vec![whorl_msgs::diagnostic_msgs::KeyValue {
+            key: COUNTS[0].to_owned(),
+            value: "875".to_owned(),
+        }];
+        let status = whorl_msgs::diagnostic_msgs::DiagnosticStatus {
+            name: "driver".to_owned(),
+            values,
+            ..Default::default()
+        };
+        let array =
+            whorl_msgs::diagnostic_msgs::DiagnosticArray { header: header(10.0), status: vec![status] };
+        add(&mut run, "/diagnostics", 10.0, array);
+        let late = verdict(&run, &Circumstances::default());
+        assert_eq!(
+            late.line,
+            "FAILED: the experiment was aborted: whorl_1 did not follow its reference (this computer was overloaded: 875 deadlines missed)"
+        );
+        assert!(late.advice().is_some_and(|advice| advice.contains("whorl doctor")), "{late:?}");
     }
 
     /// A tank of 2e7 Pa that falls to a hundredth after six seconds, and gas beyond what the tank holds.

@@ -70,5 +70,5 @@ pub use peers::{ParticipantPrefix, PeerEvent};
 pub use raw::{EndpointId, RawReader, RawSample, RawWriter};
 pub use security::SecurityRefusal;
 pub use services::ServiceClient;
-pub use statistics::SECOND_PUBLISHER;
+pub use statistics::{LATE_TIMERS, LOST_MESSAGES, SECOND_PUBLISHER};
 pub use wake::Continued;

@@ -110,6 +110,11 @@ pub(crate) struct Statistics {
 /// How `/diagnostics` reports that two participants write a topic of one; the monitor shows it at once.
 pub const SECOND_PUBLISHER: &str = "a second publisher writes";
 
+/// Key under which a node counts in `/diagnostics` how often it was late.
+pub const LATE_TIMERS: &str = "timer firings more than a period late";
+/// Likewise for messages to it that did not arrive.
+pub const LOST_MESSAGES: &str = "messages lost on the way";
+
 /// Longer than DDS's cache keeps a sample that everybody has read.
 const REMEMBER_GONE_WRITERS: Duration = Duration::from_secs(60);
 
@@ -191,7 +196,8 @@ impl Statistics {
         for (key, count) in [
             ("messages that could not be sent", self.publish_failures),
             ("messages on topics not declared", self.undeclared),
-            ("timer firings more than a period late", self.late_timers),
+            (LATE_TIMERS, self.late_timers),
+            (LOST_MESSAGES, self.total(|counts| counts.lost)),
             ("parameter sets refused", self.parameter_sets_refused),
             ("renewals of the endpoints", self.renewals),
             ("reconnections", self.reconnections),

@@ -1,5 +1,6 @@
 //! The coordinator's state machine.
 
+mod earlier;
 mod publishing;
 mod requests;
 
@@ -12,6 +13,7 @@ use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Timestamp};
 
 use crate::link::PlatformLink;
 use crate::parameters::{AtEnd, Parameters, Role};
+use crate::progress::Earlier;
 use crate::report;
 use crate::run::{Progress, Run, Sight};
 use crate::stage::Stage;
@@ -41,6 +43,8 @@ pub struct CoordinatorCore {
     problems: Vec<String>,
     /// Whether traffic is secured.
     secured: bool,
+    /// Of the coordinator before, whose experiment this one goes on with.
+    earlier: Option<Earlier>,
 }
 
 /// Sequence counters of the messages sent.
@@ -70,6 +74,7 @@ impl CoordinatorCore {
             finished: false,
             problems: Vec::new(),
             secured: false,
+            earlier: None,
         })
     }
 
@@ -87,6 +92,9 @@ impl CoordinatorCore {
         self.tick_at = Some(at);
         if first && let Stage::Waiting { since, .. } = &mut self.stage {
             *since = at;
+        }
+        if first {
+            self.look_at_earlier(now, outputs);
         }
         if self.ticks.is_multiple_of(REFERENCE_TICKS) {
             self.control(at, now, outputs);
@@ -112,6 +120,7 @@ impl CoordinatorCore {
             self.log_problems(&problems, outputs);
             self.problems = problems;
         }
+        self.give_up_earlier(now, outputs);
         let sights = self.sights(at);
         match &mut self.stage {
             Stage::Waiting { since, well_since } => {
@@ -136,7 +145,7 @@ impl CoordinatorCore {
             }
             // Platforms that run themselves decide when; an observer follows their authority.
             Stage::Ready if self.parameters.role == Role::Observer => {}
-            Stage::Ready if self.parameters.experiment.auto_start => {
+            Stage::Ready if self.parameters.experiment.auto_start || self.earlier.is_some() => {
                 if let Err(reason) = self.start(at, outputs) {
                     outputs.log(LogLevel::Warn, format!("cannot start: {reason}"));
                 }
@@ -183,8 +192,21 @@ impl CoordinatorCore {
     fn start(&mut self, at: Timestamp, outputs: &mut Outputs) -> Result<(), String> {
         let sights = self.sights(at);
         let name = &self.parameters.experiment.name;
-        outputs.log(LogLevel::Info, format!("experiment {name} starts"));
-        let run = Run::start(&self.parameters, &sights, at, outputs)?;
+        let run = match &self.earlier {
+            Some(Earlier::GoesOn(progress, ended)) => {
+                let away_s = at.seconds_since(*ended).max(0.0);
+                outputs.log(
+                    LogLevel::Warn,
+                    format!("experiment {name} goes on after {away_s:.1} s without a coordinator"),
+                );
+                Run::go_on(&self.parameters, progress, away_s, &sights, at, outputs)?
+            }
+            _ => {
+                outputs.log(LogLevel::Info, format!("experiment {name} starts"));
+                Run::start(&self.parameters, &sights, at, outputs)?
+            }
+        };
+        self.earlier = None;
         self.stage = Stage::Running(Box::new(run));
         self.finished = false;
         // Before the first command gives authority.
@@ -203,6 +225,7 @@ impl CoordinatorCore {
 
     fn abort(&mut self, now: Timestamp, reason: String, outputs: &mut Outputs) {
         outputs.log(LogLevel::Error, format!("aborted: {reason}"));
+        self.earlier = None;
         let before = std::mem::replace(&mut self.stage, Stage::Ready);
         let run = if let Stage::Running(run) = before { Some(run) } else { None };
         self.stage = Stage::Aborted { run, at: now, reason };

@@ -11,6 +11,7 @@ mod goal;
 mod link;
 pub mod parameters;
 mod pause;
+mod progress;
 mod report;
 mod run;
 mod stage;

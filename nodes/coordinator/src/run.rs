@@ -1,5 +1,6 @@
 //! A running experiment: steps, goals, law and references.
 
+mod resume;
 mod steps;
 
 use std::sync::Arc;
@@ -16,6 +17,7 @@ use whorl_node::{Outputs, Timestamp};
 use crate::goal::{Goal, Planning, scan_motion};
 use crate::parameters::{CoObservation, Parameters, Scan, Step, StepKind, YawZero};
 use crate::pause::{PauseDecision, PauseWatch, PlatformCondition};
+use crate::progress::fingerprint;
 
 /// Period of the references \[s\].
 pub(crate) const REFERENCE_PERIOD_S: f64 = 0.02;
@@ -46,6 +48,8 @@ pub(crate) struct Sight {
 /// A platform's part of the run.
 #[derive(Debug, Clone)]
 pub(crate) struct Leg {
+    /// Where its reference started.
+    start: UnitQuaternion<f64>,
     shaper: ReferenceShaper,
     offset_angles: YawPitchRoll,
     /// How the offset moves, and the time since its start \[s\].
@@ -86,6 +90,8 @@ pub(crate) enum Progress {
 pub(crate) struct Run {
     law: Box<dyn RelativeAttitudeLaw>,
     pub legs: Vec<Leg>,
+    /// Which experiment this is.
+    fingerprint: u64,
     /// The virtual structure's motion, when the law has one.
     structure_goal: Option<Goal>,
     step: usize,
@@ -112,6 +118,13 @@ impl Run {
         now: Timestamp,
         outputs: &mut Outputs,
     ) -> Result<Self, String> {
+        let mut run = Self::at_rest(parameters, sights, now)?;
+        run.begin_step(parameters, outputs);
+        Ok(run)
+    }
+
+    /// Every reference at rest where its platform is; no step has begun.
+    fn at_rest(parameters: &Parameters, sights: &[Sight], now: Timestamp) -> Result<Self, String> {
         let law = parameters.law.laws.first().ok_or("the experiment has no law")?.clone();
         let mut legs = Vec::with_capacity(sights.len());
         for (platform, sight) in sights.iter().enumerate() {
@@ -127,6 +140,7 @@ impl Run {
             let start = shaper.reference();
             let goal = law.leads(platform).then(|| goal_at(parameters, &start.q_world_reference));
             legs.push(Leg {
+                start: start.q_world_reference,
                 shaped: Shaped { reference: start, clipped: false },
                 shaper,
                 offset_angles: parameters.law.offsets.get(platform).copied().unwrap_or_default(),
@@ -145,6 +159,7 @@ impl Run {
         let mut run = Self {
             law,
             legs,
+            fingerprint: fingerprint(parameters),
             structure_goal,
             step: 0,
             step_elapsed_s: 0.0,
@@ -164,7 +179,6 @@ impl Run {
         };
         run.look(parameters, sights);
         run.restart_law();
-        run.begin_step(parameters, outputs);
         Ok(run)
     }
 

@@ -52,6 +52,12 @@ impl DriverCore {
         }
     }
 
+    /// The same where traffic is secured, or not ([`Gate::secured`]).
+    #[must_use]
+    pub fn secured(self, secured: bool) -> Self {
+        if secured { Self { gate: self.gate.secured(), ..self } } else { self }
+    }
+
     /// Switches everything off when commands have stopped coming, and says so.
     fn watch(&mut self, now: Timestamp, outputs: &mut Outputs) {
         let deadline = self.gate.deadline();

@@ -2,7 +2,7 @@
 //!
 //! It runs in the driver's own process, so that valves close and wheels coast whatever happens to
 //! the rest of the system. A command holds until its `valid_until`, and never longer than
-//! [`LONGEST_VALIDITY`] after its arrival. All deadlines are on the node's time, which nobody can set: see
+//! [`LONGEST_VALIDITY`] after its arrival, or [`Gate::secured`]. All deadlines are on the node's time, which nobody can set: see
 //! [`whorl_node::NodeCore::step`].
 
 use std::ops::Range;
@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use whorl_dynamics::actuators::{Actuators, Kind, Motor};
 use whorl_msgs::whorl::{ActuatorCommand, GateState};
-use whorl_node::Timestamp;
+use whorl_node::{SECURED_STALL, Timestamp};
 
 /// Everything is off 100 ms after the last command was sent. This value is smaller, to allow for the link delay,
 /// the driver's tick, and scheduling delays of a busy computer.
@@ -97,6 +97,7 @@ pub struct Gate {
     jets: usize,
     motors: Vec<Motors>,
     latest: Option<Latest>,
+    longest_validity: Duration,
     counts: GateCounts,
     last_refusal: Option<Refusal>,
     switched_off_late: Duration,
@@ -139,10 +140,18 @@ impl Gate {
             jets: actuators.jets.list.len(),
             motors: motors.collect(),
             latest: None,
+            longest_validity: LONGEST_VALIDITY,
             counts: GateCounts::default(),
             last_refusal: None,
             switched_off_late: Duration::ZERO,
         }
+    }
+
+    /// The same where traffic is secured: commands may hold for one stall of the DDS library longer, 180 ms, which is less than the
+    /// 0.2 s after which the devices' own threads switch off.
+    #[must_use]
+    pub fn secured(self) -> Self {
+        Self { longest_validity: LONGEST_VALIDITY + SECURED_STALL, ..self }
     }
 
     /// Counts so far.
@@ -218,7 +227,7 @@ impl Gate {
         if stamp.seconds_since(now) > AHEAD_S {
             return Err(Refusal::Ahead);
         }
-        let ends = Timestamp::from(command.valid_until).min(now + LONGEST_VALIDITY);
+        let ends = Timestamp::from(command.valid_until).min(now + self.longest_validity);
         if ends <= now {
             return Err(Refusal::Expired);
         }

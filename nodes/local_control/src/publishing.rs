@@ -99,7 +99,7 @@ impl LocalControlCore {
     }
 
     fn publish_command(&mut self, now: Timestamp, stamp: Timestamp, outputs: &mut Outputs) {
-        let validity = Duration::from_secs_f64(self.parameters.command_validity_s);
+        let validity = Duration::from_secs_f64(self.parameters.command_validity_s + self.stall_s);
         let mut command = ActuatorCommand {
             header: Header { stamp: stamp.into(), frame_id: self.frame_id.clone() },
             sequence: self.command_sequence,

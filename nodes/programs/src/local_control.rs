@@ -8,5 +8,7 @@ use whorl_ros::{NodeOptions, run_node};
 
 fn main() -> ExitCode {
     let options = NodeOptions::of(Node::LocalControl);
-    run_node(options, parameters::read, |_, parameters| LocalControlCore::new(parameters))
+    run_node(options, parameters::read, |context, parameters| {
+        LocalControlCore::new(parameters).map(|core| core.secured(context.network().enclave.is_some()))
+    })
 }

@@ -2,6 +2,7 @@
 
 mod disk_full;
 mod foreign;
+mod memory;
 mod round_trip;
 mod run;
 mod truncated;

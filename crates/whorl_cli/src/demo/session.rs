@@ -15,6 +15,9 @@ use crate::run::Interrupted;
 /// Lines of a log that are shown when a step fails.
 const LAST_LINES: usize = 20;
 
+/// How `whorl run` begins what it advises to do.
+const ADVICE: &str = "advice: ";
+
 /// The user has stopped the session.
 #[derive(Debug, Error)]
 #[error("stopped")]
@@ -103,9 +106,7 @@ impl Session {
         let status = self.whorl(&[&arguments[..], &options].concat(), &log)?;
         if !status.success() {
             let text = std::fs::read_to_string(&log).unwrap_or_default();
-            let lines: Vec<&str> = text.lines().collect();
-            let last = lines.get(lines.len().saturating_sub(LAST_LINES)..).unwrap_or_default();
-            bail!("the experiment failed:\n{}", last.join("\n"));
+            bail!("the experiment failed:\n{}", last_words(&text));
         }
         let runs = std::fs::read_dir(self.folder.join(into)).context("nothing was recorded")?;
         let run = runs.flatten().find(|entry| entry.path().is_dir()).context("nothing was recorded")?;
@@ -135,6 +136,13 @@ impl Session {
     }
 }
 
+/// The end of what `whorl run` said, with what it advises to do last.
+fn last_words(text: &str) -> String {
+    let (advice, lines): (Vec<&str>, Vec<&str>) = text.lines().partition(|line| line.starts_with(ADVICE));
+    let last = lines.get(lines.len().saturating_sub(LAST_LINES)..).unwrap_or_default();
+    [last, &advice].concat().join("\n")
+}
+
 fn absolute(path: &Path) -> anyhow::Result<PathBuf> {
     path.canonicalize().with_context(|| format!("no folder {}", path.display()))
 }
@@ -152,4 +160,22 @@ pub fn copy_folder(from: &Path, to: &Path) -> anyhow::Result<()> {
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_that_failed_ends_with_what_to_do() {
+        let log: String = (0..100).map(|k| format!("line {k}\n")).collect();
+        let words =
+            last_words(&format!("{log}advice: end other programs\nreport: r\nverdict: FAILED: safe mode\n"));
+        assert!(
+            words.ends_with("report: r\nverdict: FAILED: safe mode\nadvice: end other programs"),
+            "{words}"
+        );
+        assert_eq!(words.lines().count(), LAST_LINES + 1);
+        assert!(!last_words(&log).contains(ADVICE));
+    }
 }

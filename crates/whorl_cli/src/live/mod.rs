@@ -1,6 +1,7 @@
 //! `whorl live`: the formation in a browser.
 
 mod foxglove;
+mod load;
 mod places;
 mod server;
 mod view;

@@ -12,6 +12,8 @@ use whorl_msgs::whorl::{
 };
 use whorl_report::{alarming, mode_name, phase_name};
 
+use super::load::Load;
+
 /// What is older than this is not shown any more \[s\].
 const STALE_S: f64 = 1.0;
 /// A model monitor speaks once a second, by default \[s\].
@@ -31,6 +33,7 @@ pub struct View {
     formation: Option<(f64, FormationState)>,
     platforms: BTreeMap<u16, Platform>,
     diagnostics: BTreeMap<String, (u8, String)>,
+    load: Load,
 }
 
 #[derive(Debug, Default)]
@@ -58,7 +61,7 @@ pub struct Frame {
     run_s: f64,
     length_s: f64,
     platforms: Vec<PlatformFrame>,
-    /// Faults that the nodes report: who, and what.
+    /// Computers that do not keep up, messages that do not arrive, and faults that the nodes report: who, and what.
     faults: Vec<(String, String)>,
 }
 
@@ -97,6 +100,7 @@ impl View {
             (_, Message::FormationState(m)) => self.formation = Some((now_s, m)),
             (_, Message::DiagnosticArray(m)) => {
                 for status in m.status {
+                    self.load.take(now_s, &status);
                     if self.diagnostics.len() < DIAGNOSED || self.diagnostics.contains_key(&status.name) {
                         self.diagnostics.insert(status.name, (status.level, status.message));
                     }
@@ -149,10 +153,12 @@ impl View {
             run_s: formation.map_or(0.0, |f| f.run_elapsed_s),
             length_s: formation.map_or(0.0, |f| f.run_length_s),
             platforms,
-            faults: faults
+            faults: self
+                .load
+                .faults(now_s)
                 .into_iter()
+                .chain(faults.into_iter().map(|(who, (_, what))| (who.clone(), what.clone())))
                 .take(FAULTS)
-                .map(|(who, (_, what))| (who.clone(), what.clone()))
                 .collect(),
         }
     }

@@ -97,6 +97,10 @@ fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
     };
     Ok(match judged {
         Ok(report) => {
+            // Before the verdict, which is the last line.
+            if let Some(advice) = report.verdict.advice() {
+                tell(format_args!("advice: {advice}"));
+            }
             report::print(&report);
             arguments.json.write(|| report::as_json(&run, &report))?;
             if status == 0 && report.verdict.failed() { 1 } else { status }

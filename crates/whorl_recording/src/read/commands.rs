@@ -1,7 +1,7 @@
 //! Reconstructs how the driver executed the commands sent to it.
 //!
 //! The rules are those of the driver's gate: a command holds until the next, at most until its
-//! `valid_until` and never longer than 0.1 s; then everything is off. A jet slot fires once, at the first
+//! `valid_until` and never longer than 0.1 s, or 0.2 s where traffic was secured; then everything is off. A jet slot fires once, at the first
 //! command that carries it.
 
 use whorl_msgs::whorl::ActuatorCommand;
@@ -11,6 +11,9 @@ use crate::columns::Columns;
 
 /// As the driver's gate.
 const LONGEST_VALIDITY_NS: i64 = 100_000_000;
+/// What local control says a command holds for where traffic is secured: 0.06 s and a stall of 0.1 s (`SECURED_STALL`). Nobody who sends in
+/// the open says that: 0.1 s is the most that local control may, and who commands by hand says much more.
+const SECURED_VALIDITY_NS: std::ops::RangeInclusive<i64> = 110_000_000..=200_000_000;
 
 /// Commands and when they reached the driver: what decides what wheels and jets do. An hour has hundreds of thousands,
 /// whose numbers stand in one list.
@@ -131,7 +134,9 @@ pub(super) fn apply(sent: &Commands, limits: &Limits) -> Applied {
             applied.all_off(before.ends_ns, wheels);
         }
         let stamp = command.stamp;
-        let ends_ns = command.valid_until.0.min(at_ns.saturating_add(LONGEST_VALIDITY_NS));
+        let valid_ns = command.valid_until.0.saturating_sub(stamp.0);
+        let longest_ns = if SECURED_VALIDITY_NS.contains(&valid_ns) { valid_ns } else { LONGEST_VALIDITY_NS };
+        let ends_ns = command.valid_until.0.min(at_ns.saturating_add(longest_ns));
         let numbers = wheel_torque_n_m.iter().chain(jet_on_time_s);
         let obeyed = wheel_torque_n_m.len() == wheels
             && command.jets == jets

@@ -6,6 +6,7 @@ use whorl_node::{LogLevel, Outputs, Timestamp};
 use super::{CoordinatorCore, PERIOD};
 use crate::clock::ticks_between_requests;
 use crate::parameters::Role;
+use crate::progress::Earlier;
 use crate::report;
 use crate::stage::Stage;
 
@@ -44,6 +45,9 @@ impl CoordinatorCore {
                 outputs.respond(false, format!("waiting for {}", problems.join("; ")));
             }
             _ => {
+                if let Some(Earlier::GoesOn(progress, _)) = &mut self.earlier {
+                    progress.held = None;
+                }
                 let at = self.tick_at.unwrap_or(now);
                 match self.start(at, outputs) {
                     Ok(()) => outputs.respond(true, format!("{name} starts")),
@@ -59,14 +63,20 @@ impl CoordinatorCore {
             outputs.respond(false, "every platform runs the law itself: the experiment can only be aborted");
             return;
         }
+        let reason = if reason.is_empty() { "asked for by a service call" } else { reason };
         match &mut self.stage {
             Stage::Running(run) => {
-                let reason = if reason.is_empty() { "asked for by a service call" } else { reason };
                 outputs.log(LogLevel::Warn, format!("held: {reason}"));
                 run.held = Some(format!("a start (held: {reason})"));
                 outputs.respond(true, "held: the references come to rest; start goes on");
             }
-            _ => outputs.respond(false, "no experiment is running"),
+            _ => match &mut self.earlier {
+                Some(Earlier::GoesOn(progress, _)) => {
+                    progress.held = Some(format!("a start (held: {reason})"));
+                    outputs.respond(true, "held: it goes on when it is started");
+                }
+                _ => outputs.respond(false, "no experiment is running"),
+            },
         }
     }
 

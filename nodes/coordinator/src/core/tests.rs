@@ -1,5 +1,6 @@
 //! Tests of the coordinator with ideal platforms: they are where their reference says.
 
+mod earlier;
 mod exciting;
 mod experiments;
 mod faults;

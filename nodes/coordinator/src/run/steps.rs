@@ -14,23 +14,31 @@ impl Run {
     pub(super) fn advance_steps(&mut self, parameters: &Parameters, outputs: &mut Outputs) {
         let Some(step) = parameters.steps.get(self.step) else { return };
         self.step_elapsed_s += REFERENCE_PERIOD_S;
-        self.structure_goal
-            .iter_mut()
-            .chain(self.legs.iter_mut().filter_map(|leg| leg.goal.as_mut()))
-            .for_each(|goal| goal.advance(REFERENCE_PERIOD_S));
+        self.advance_goals(REFERENCE_PERIOD_S);
         // Half a period of tolerance: sums of periods are not exact.
         if self.step_elapsed_s + 0.5 * REFERENCE_PERIOD_S >= step.duration_s {
             self.step += 1;
             self.step_elapsed_s = 0.0;
             self.begin_step(parameters, outputs);
         }
-        for (_, elapsed_s) in self.legs.iter_mut().filter_map(|leg| leg.offset_motion.as_mut()) {
-            *elapsed_s += REFERENCE_PERIOD_S;
-        }
+        self.advance_offsets(REFERENCE_PERIOD_S);
         for (offset, leg) in self.offsets.iter_mut().zip(&self.legs) {
             *offset = leg.offset();
         }
         self.gather_goals();
+    }
+
+    pub(super) fn advance_goals(&mut self, dt_s: f64) {
+        self.structure_goal
+            .iter_mut()
+            .chain(self.legs.iter_mut().filter_map(|leg| leg.goal.as_mut()))
+            .for_each(|goal| goal.advance(dt_s));
+    }
+
+    pub(super) fn advance_offsets(&mut self, dt_s: f64) {
+        for (_, elapsed_s) in self.legs.iter_mut().filter_map(|leg| leg.offset_motion.as_mut()) {
+            *elapsed_s += dt_s;
+        }
     }
 
     pub(super) fn begin_step(&mut self, parameters: &Parameters, outputs: &mut Outputs) {

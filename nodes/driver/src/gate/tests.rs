@@ -58,6 +58,18 @@ fn no_command_holds_longer_than_a_tenth_of_a_second() {
     assert_eq!(gate.watch(at(81)), Some(Action::AllOff));
 }
 
+/// For one stall of the DDS library longer, and still less than what devices take for silence, 200 ms.
+#[test]
+fn secured_a_command_holds_for_a_stall_longer() {
+    let mut gate = gate().secured();
+    gate.command(at(1), &command(0, 0, 3_600_000, 0)).unwrap();
+    assert_eq!(gate.watch(at(180)), None);
+    assert_eq!(gate.watch(at(181)), Some(Action::AllOff));
+    // What the sender says ends it earlier, as ever.
+    gate.command(at(200), &command(1, 199, 259, 1)).unwrap();
+    assert_eq!(gate.watch(at(259)), Some(Action::AllOff));
+}
+
 #[test]
 fn bad_commands_are_refused_and_change_nothing() {
     let mut gate = gate();

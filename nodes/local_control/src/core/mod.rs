@@ -18,7 +18,7 @@ use whorl_msgs::sensor_msgs::Imu;
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::topics::{Message, Route, Topic};
 use whorl_msgs::whorl::{AttitudeEstimate, ClockReply, ClockRequest, ControlStatus};
-use whorl_node::{Configurable, Event, NodeCore, Outputs, Timestamp};
+use whorl_node::{Configurable, Event, NodeCore, Outputs, SECURED_STALL, Timestamp};
 
 use crate::actuation::{Actuation, ActuationError};
 use crate::authority::{Authority, Heartbeat};
@@ -83,6 +83,8 @@ pub struct LocalControlCore {
     pub(crate) clock_sequence: u64,
     pub(crate) next_status: Option<Timestamp>,
     pub(crate) next_diagnostics: Option<Timestamp>,
+    /// How long messages of this platform's own nodes may be late beyond their parameters \[s\].
+    pub(crate) stall_s: f64,
 }
 
 impl LocalControlCore {
@@ -126,9 +128,17 @@ impl LocalControlCore {
             clock_sequence: 0,
             next_status: None,
             next_diagnostics: None,
+            stall_s: 0.0,
             gyrostat,
             parameters,
         })
+    }
+
+    /// The same where traffic is secured, or not: commands hold, and estimates and samples are fresh, for one stall of the DDS library
+    /// longer ([`SECURED_STALL`]).
+    #[must_use]
+    pub fn secured(self, secured: bool) -> Self {
+        Self { stall_s: if secured { SECURED_STALL.as_secs_f64() } else { 0.0 }, ..self }
     }
 
     /// The parameters in force.

@@ -25,7 +25,8 @@ impl LocalControlCore {
     }
 
     pub(super) fn fresh_estimate(&self, now: Timestamp) -> Option<&Estimate> {
-        let fresh = |e: &&Estimate| now.seconds_since(e.stamp) <= self.parameters.limits.estimate_timeout_s;
+        let timeout_s = self.parameters.limits.estimate_timeout_s + self.stall_s;
+        let fresh = |e: &&Estimate| now.seconds_since(e.stamp) <= timeout_s;
         self.inputs.estimate().filter(fresh)
     }
 
@@ -80,7 +81,7 @@ impl LocalControlCore {
         let dt_s = self.step_length_s(now);
         let fault = self.find_fault(now, authority);
         let tracked = self.safe_mode.state() == SafeState::Nominal;
-        let gyro = self.inputs.gyro_rate(now, self.parameters.limits.imu_timeout_s);
+        let gyro = self.inputs.gyro_rate(now, self.parameters.limits.imu_timeout_s + self.stall_s);
         let state = self.safe_mode.step(dt_s, fault.is_some(), gyro.as_ref());
         if state == SafeState::Nominal {
             // Recovered, or only a short gap: tracking resumes with the next estimate.

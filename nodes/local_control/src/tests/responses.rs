@@ -283,3 +283,20 @@ fn every_change_of_mode_is_logged_once() {
     let lines: Vec<&String> = rig.log.iter().filter(|line| line.contains("damping")).collect();
     assert_eq!(lines, ["whorl_1: safe: damping: no attitude estimate"]);
 }
+
+/// Where traffic is secured, estimates and samples may stay away for a stall of the DDS library: 0.1 s beyond the 0.1 s of the open mode.
+#[test]
+fn secured_a_stall_of_the_library_is_no_fault_and_a_second_one_is() {
+    for (secured, silent_s, tracks) in [(false, 0.13, false), (true, 0.13, true), (true, 0.25, false)] {
+        let mut rig = tracking();
+        rig.core = rig.core.secured(secured);
+        (rig.estimator_on, rig.imu_on) = (false, false);
+        rig.run(silent_s);
+        assert_eq!(
+            rig.mode().0 == TRACK,
+            tracks,
+            "secured: {secured}, silent for {silent_s} s: {:?}",
+            rig.mode()
+        );
+    }
+}

@@ -24,6 +24,7 @@ fn main() -> ExitCode {
         }
         let began = context.clock().reading();
         let devices = devices.map(|devices| StartedDevices { devices, began });
-        anyhow::Ok(DriverCore::from_parameters(&parameters, recording, devices)?)
+        let secured = context.network().enclave.is_some();
+        anyhow::Ok(DriverCore::from_parameters(&parameters, recording, devices)?.secured(secured))
     })
 }

@@ -151,7 +151,7 @@ fn create_run(context: &NodeContext, parameters: &Parameters) -> anyhow::Result<
         seed: parameters.seed,
         simulated_time: false,
         platforms: parameters.platforms.clone(),
-        notes: Vec::new(),
+        notes: context.network().enclave.iter().map(|_| RunDescription::secured_note()).collect(),
     };
     let (now, bag) = (wall_clock(), parameters.bag);
     let mut run = match &parameters.run_directory {
