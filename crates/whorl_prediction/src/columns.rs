@@ -70,10 +70,20 @@ pub(crate) struct Sums {
     pub of_start: DMatrix<f64>,
 }
 
+/// What it changes that a filter began with less than it was given.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Widening {
+    /// How the start moves by how it moved.
+    pub of_shift: DMatrix<f64>,
+    /// What is added to the slope by how the start moved.
+    pub of_slope: DMatrix<f64>,
+}
+
 impl Sums {
     /// As if the filter had begun with what was known before the run, `wide`, and not with what the run made of it, `narrow`, which
-    /// holds the start where parameters would move it. `shift` is how the start moves that the run shows, `own` its covariance
-    /// behind the run. With M the information that has been put in twice, a quadratic form of the start is taken out again:
+    /// holds the start where parameters would move it; and what that does to how the start moves and to the slope. `own` is the
+    /// covariance of the start behind the run. With M the information that has been put in twice, a quadratic form of the start is
+    /// taken out again:
     ///
     /// ```text
     /// start'       = (1 - own M)^-1 (shift + D theta)
@@ -83,24 +93,27 @@ impl Sums {
     #[must_use]
     pub fn widened(
         mut self,
-        shift: &mut DVector<f64>,
         own: &DMatrix<f64>,
         narrow: &DMatrix<f64>,
         wide: &DMatrix<f64>,
-    ) -> Self {
+    ) -> (Self, Widening) {
+        let size = own.nrows();
         let known = KnownBefore::new(wide);
         let n = known.back.nrows();
-        let Some(inverse) = known.units(narrow).try_inverse() else { return self };
-        let twice = inverse - DMatrix::identity(n, n);
-        let solve = (DMatrix::identity(n, n) - known.units(own) * &twice).lu();
-        let of_start = &known.back * &self.of_start;
-        let moved = &known.back * &*shift;
-        let (Some(freed), Some(freely)) = (solve.solve(&of_start), solve.solve(&moved)) else { return self };
-        self.information -= of_start.transpose() * &twice * &freed;
-        self.slope += of_start.transpose() * &twice * &freely;
-        self.of_start = &known.basis * freed;
-        *shift = &known.basis * freely;
-        self
+        let twice = known.units(narrow).try_inverse().map(|inverse| inverse - DMatrix::identity(n, n));
+        let freed = twice.and_then(|twice| {
+            let free = (DMatrix::identity(n, n) - known.units(own) * &twice).lu().solve(&known.back)?;
+            Some((twice, free))
+        });
+        let Some((twice, free)) = freed else {
+            let none = DMatrix::zeros(self.slope.len(), size);
+            return (self, Widening { of_shift: DMatrix::identity(size, size), of_slope: none });
+        };
+        let of_slope = (&known.back * &self.of_start).transpose() * twice * &free;
+        let of_shift = &known.basis * free;
+        self.information -= &of_slope * &self.of_start;
+        self.of_start = &of_shift * &self.of_start;
+        (self, Widening { of_shift, of_slope })
     }
 
     /// Nothing is known.

@@ -7,7 +7,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::columns::Sums;
+use crate::columns::{Sums, Widening};
 use crate::filter::Innovation;
 
 /// Bytes that are kept of a recording at most: six minutes at 100 Hz of nine numbers and 70 parameters. Longer ones are gone through with
@@ -60,15 +60,16 @@ impl Design {
 #[derive(Debug, Clone)]
 pub(crate) struct Kept {
     pub design: Design,
-    pub information: DMatrix<f64>,
-    pub of_start: DMatrix<f64>,
+    information: DMatrix<f64>,
+    of_start: DMatrix<f64>,
+    pub widening: Widening,
 }
 
 impl Kept {
     /// Of a pass in which innovations were taken in in this order.
-    pub fn new(mut design: Design, order: Order, sums: &Sums) -> Self {
+    pub fn new(mut design: Design, order: Order, sums: &Sums, widening: Widening) -> Self {
         design.order = order;
-        Self { design, information: sums.information.clone(), of_start: sums.of_start.clone() }
+        Self { design, information: sums.information.clone(), of_start: sums.of_start.clone(), widening }
     }
 
     /// No slope yet.
@@ -76,9 +77,11 @@ impl Kept {
         DVector::zeros(self.design.parameters)
     }
 
-    /// The sums of a pass close by, in which innovations were taken in in this order; `None` where latencies have changed it.
-    pub fn sums(&self, slope: DVector<f64>, order: &Order) -> Option<Sums> {
-        let sums = || Sums { information: self.information.clone(), slope, of_start: self.of_start.clone() };
-        order.is_that_of(&self.design.order).then(sums)
+    /// The sums of a pass close by, in which innovations were taken in in this order and which says this of its start; `None` where
+    /// latencies have changed the order.
+    pub fn sums(&self, slope: DVector<f64>, shift: &DVector<f64>, order: &Order) -> Option<Sums> {
+        let slope = slope + &self.widening.of_slope * shift;
+        let sums = Sums { information: self.information.clone(), slope, of_start: self.of_start.clone() };
+        order.is_that_of(&self.design.order).then_some(sums)
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::filter::Filter;
-use crate::guess::{guesses, known_biases};
+use crate::guess::guesses;
 use crate::heading::UnseenHeading;
 use crate::known::narrowed;
 use crate::likelihood::Likelihood;
@@ -116,15 +116,13 @@ fn follow(case: &Prepared<'_>, noise: &Noise, start: Start, most: usize) -> (Fit
         part = if settled { whole } else { (2 * part).min(whole) };
         best = Passed::over(case, noise, Start { covariance: narrowed, ..best.start }, part);
     }
-    (best.fitted(&known_before, stands), best.log)
+    (best.fitted(&known_before, stands), best.likelihood.log)
 }
 
 /// What a pass over a part of a run says of its start.
 struct Passed {
     start: Start,
     likelihood: Likelihood,
-    /// Its logarithm, with what was known of the biases before the run.
-    log: f64,
     shift: DVector<f64>,
     own: DMatrix<f64>,
     heading: UnseenHeading,
@@ -143,20 +141,11 @@ impl Passed {
             likelihood.log = f64::NEG_INFINITY;
         }
         let size = start.covariance.nrows();
-        let (mut shift, own) = match filter.origin {
+        let (shift, own) = match filter.origin {
             Some(origin) if origin.shift.iter().all(|x| x.is_finite()) => (origin.shift, origin.own),
             _ => (DVector::zeros(size), start.covariance.clone()),
         };
-        // The filter took the biases to be known about where the start has them: they are about none. Otherwise pass after pass would move
-        // them as if nothing were known, against a tilt that looks the same. Of a normal density that is moved, the product with
-        // another one is moved by its covariance times the change of the gradient.
-        let mut log = likelihood.log;
-        for (i, stddev) in known_biases(case, start.layout).filter(|(_, stddev)| *stddev > 0.0) {
-            let off = start.beside[i] / stddev;
-            shift.axpy(-off / stddev, &own.column(i), 1.0);
-            log -= 0.5 * off * off;
-        }
-        Self { start, likelihood, log, shift, own, heading }
+        Self { start, likelihood, shift, own, heading }
     }
 
     /// Moves the start until the part is hardly likelier with another one; whether it is.
@@ -170,7 +159,7 @@ impl Passed {
     ) -> bool {
         for _ in 0..passes {
             let Some(next) = self.improved(case, noise, part, shares) else { return true };
-            let gain = next.log - self.log;
+            let gain = next.likelihood.log - self.likelihood.log;
             *self = next;
             // Errors k times the noise make likelihoods differ k^2 times as much.
             if gain <= case.settings().start_stands_nats * self.likelihood.misfit().max(1.0) {
@@ -184,7 +173,7 @@ impl Passed {
     fn improved(&self, case: &Prepared<'_>, noise: &Noise, part: usize, shares: &[f64]) -> Option<Self> {
         shares.iter().find_map(|share| {
             let tried = Self::over(case, noise, self.start.moved(&(&self.shift * *share)), part);
-            (tried.log > self.log).then_some(tried)
+            (tried.likelihood.log > self.likelihood.log).then_some(tried)
         })
     }
 

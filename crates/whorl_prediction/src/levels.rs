@@ -65,6 +65,9 @@ pub fn follow(case: &Prepared<'_>, stated: &Noise) -> Followed {
 /// does not.
 #[must_use]
 pub fn follow_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> Followed {
+    if !before.fitted.start.is_of(case) {
+        return follow(case, stated);
+    }
     if before.noise.disturbance.is_some() {
         let first = case.settings().level_first_passes;
         return followed_from(case, stated, before.noise.clone(), before.fitted.clone(), first);
@@ -81,7 +84,7 @@ fn followed_from(
     case: &Prepared<'_>,
     stated: &Noise,
     mut noise: Noise,
-    fitted: FittedStart,
+    mut fitted: FittedStart,
     first: usize,
 ) -> Followed {
     let settings = case.settings();
@@ -110,12 +113,16 @@ fn followed_from(
         }
         noise = next;
     }
-    let (log, noise) = best.unwrap_or_else(|| (f64::NEG_INFINITY, stated.clone()));
+    let (mut log, noise) = best.unwrap_or_else(|| (f64::NEG_INFINITY, stated.clone()));
+    // Where a kind of disturbance has come to nothing a start has fewer coordinates.
+    if Start::wide(case, &noise).layout != fitted.start.layout {
+        fitted = fitted_start_within(case, &noise, settings.level_start_instants);
+        log = Moments::of(case, &noise, &fitted.start.with_disturbance(&noise), case.instants()).log;
+    }
     let start = fitted.start.with_disturbance(&noise);
     let without = Noise { disturbance: Disturbance::NONE, ..noise.clone() };
     let (alone, likelihood_alone) = fitted_start_near(case, &without, &fitted);
     let gain_nats = log - likelihood_alone.log;
-    // Levels may all have come to nothing.
     if gain_nats > settings.level_needed_nats && noise.disturbance.is_some() {
         Followed { noise, fitted: FittedStart { start, ..fitted }, alone, likelihood_alone, gain_nats }
     } else {

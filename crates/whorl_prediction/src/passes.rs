@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::columns::{Columns, Sums};
+use crate::columns::{Columns, Sums, Widening};
 use crate::design::{Design, Kept, Order};
 use crate::error::PredictionError;
 use crate::filter::Filter;
@@ -96,12 +96,15 @@ pub(crate) fn pass(
             order.add(innovation);
         }
     }) {}
+    likelihood.lost = filter.lost;
     let (sums, design) = match filter.columns.take() {
         Some(columns) => columns.sums(),
         None => (Sums::none(start.layout.size(), parameters), None),
     };
-    let kept = design.filter(|_| !filter.lost).map(|design| Arc::new(Kept::new(design, order, &sums)));
-    Ok(ended(filter, likelihood, sums, start, kept))
+    let (shift, sums, widening) = from_what_was_known(&filter, start, sums);
+    let kept =
+        design.filter(|_| !filter.lost).map(|design| Arc::new(Kept::new(design, order, &sums, widening)));
+    Ok(Pass { likelihood, shift, sums, kept })
 }
 
 /// A pass over a recording without columns; with those of another pass close by it shows the slope as well.
@@ -116,28 +119,30 @@ pub(crate) fn pass_near(case: &Prepared<'_>, noise: &Noise, start: &Start, kept:
         }
         likelihood.add(innovation);
     }) {}
-    let sums = kept.and_then(|kept| kept.sums(slope, &order));
-    let kept = kept.filter(|_| sums.is_some()).cloned();
-    let sums = sums.unwrap_or_else(|| Sums::none(start.layout.size(), 0));
-    ended(filter, likelihood, sums, start, kept)
+    likelihood.lost = filter.lost;
+    let shift = filter.origin.as_ref().map(|origin| &origin.shift);
+    let with = kept.zip(shift).and_then(|(kept, shift)| {
+        let shift_of_run = &kept.widening.of_shift * shift;
+        Some((kept.sums(slope, shift, &order)?, shift_of_run, Arc::clone(kept)))
+    });
+    if let Some((sums, shift, kept)) = with {
+        return Pass { likelihood, shift, sums, kept: Some(kept) };
+    }
+    let (shift, sums, _) = from_what_was_known(&filter, start, Sums::none(start.layout.size(), 0));
+    Pass { likelihood, shift, sums, kept: None }
 }
 
-/// What a filter has found at the end, as if it had begun with what was known before the run.
-fn ended(
-    filter: Filter<'_>,
-    mut likelihood: Likelihood,
-    sums: Sums,
-    start: &Start,
-    kept: Option<Arc<Kept>>,
-) -> Pass {
-    likelihood.lost = filter.lost;
+/// How the start moves that a run shows, and what it says of parameters, as if the filter had begun with what was known before the run.
+fn from_what_was_known(filter: &Filter<'_>, start: &Start, sums: Sums) -> (DVector<f64>, Sums, Widening) {
     let heading = filter.heading;
-    let Some(origin) = filter.origin else {
-        return Pass { likelihood, shift: DVector::zeros(start.layout.size()), sums, kept };
+    let wide = Start::wide(filter.case, filter.noise).covariance;
+    let [narrow, wide] = [&start.covariance, &wide].map(|known| heading.out_of(known));
+    let size = start.layout.size();
+    let (shift, own) = match &filter.origin {
+        Some(origin) => (origin.shift.clone(), &origin.own),
+        None => (DVector::zeros(size), &narrow),
     };
-    let mut shift = origin.shift;
-    let [narrow, wide] = [&start.covariance, &Start::wide(filter.case, filter.noise).covariance]
-        .map(|known| heading.out_of(known));
-    let sums = sums.widened(&mut shift, &origin.own, &narrow, &wide);
-    Pass { likelihood, shift, sums, kept }
+    let (mut sums, widening) = sums.widened(own, &narrow, &wide);
+    sums.slope += &widening.of_slope * &shift;
+    (&widening.of_shift * shift, sums, widening)
 }

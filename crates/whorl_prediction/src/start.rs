@@ -7,6 +7,7 @@ use whorl_math::quaternion_exp;
 
 use crate::layout::Layout;
 use crate::noise::Noise;
+use crate::prepared::Prepared;
 
 /// The state at the first reading: a normal distribution.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,6 +73,11 @@ impl Start {
             start.covariance[(i, i)] = stddev * stddev;
         }
         start
+    }
+
+    /// Whether it has the states of this model.
+    pub(crate) fn is_of(&self, case: &Prepared<'_>) -> bool {
+        self.layout.plant == case.plant().tangent()
     }
 
     /// Puts a plant into its mean.

@@ -68,6 +68,10 @@ impl Search<'_> {
         let Some(base) = self.judge_alone(&judge)? else { return Ok(None) };
         let mut judgement = Judgement { judge, base, left: MOST_JUDGED };
         self.judge_asked_for(&mut judgement)?;
+        let most = self.most_probable_judged();
+        let of_both =
+            most.and_then(|most| Some((most.standing.log_evidence, *self.of_bins.get(&most.names)?)));
+        self.samples_over_bins = of_both.map_or(0.0, |(of_samples, of_bins)| of_samples - of_bins);
         Ok(Some(judgement))
     }
 
@@ -117,6 +121,7 @@ impl Search<'_> {
             for asked in asked.iter().filter(|_| most.names.len() < MOST_EFFECTS) {
                 let Some(fewer) = judgement.left.checked_sub(1) else { break };
                 let larger = self.with_effect(&most, asked.id)?.filter(|set| set.judged.is_none());
+                larger.iter().for_each(|set| self.note_bins(set));
                 let Some(larger) = larger.filter(|set| !self.is_ruled_out(&set.names)) else { continue };
                 judgement.left = fewer;
                 let entered = entered(&larger, Some(asked));
@@ -149,13 +154,17 @@ impl Search<'_> {
         judged.max_by(|a, b| a.log_posterior().total_cmp(&b.log_posterior()))
     }
 
-    /// A set is as sure as the samples say.
+    /// A set is as sure as the samples say, and where bins see it no surer than they say: fits to samples end where a stop that is
+    /// touched makes the likelihood jump, fits in bins where formulas are wrong.
     fn set_judged(&mut self, mut set: Converged, found: Judged) {
         let base = self.fitted.get(&Vec::new());
         let of_base =
             base.and_then(|base| Some((base.standing.log_evidence, &base.judged.as_ref()?.likelihoods)));
         if let Some((log_evidence, base)) = of_base {
-            set.standing.log_evidence = log_evidence + found.likelihoods.gain(base);
+            let of_samples = found.likelihoods.gain(base);
+            let of_bins = self.of_bins.get(&set.names).map(|of_set| of_set - log_evidence);
+            let seen = of_bins.filter(|gain| *gain > self.options.settings.doubt_nats);
+            set.standing.log_evidence = log_evidence + seen.map_or(of_samples, |gain| gain.min(of_samples));
         }
         set.point = found.fit.refit(&self.problem.reference).point(&found.fit.fitted.at);
         set.judged = Some(found);

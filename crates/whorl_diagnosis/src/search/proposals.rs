@@ -54,6 +54,9 @@ pub(crate) struct Search<'a> {
     pub best: Hypothesis,
     /// Sets that were fitted, each where it fits best.
     pub fitted: Fitted,
+    /// How much more log evidence the samples give to the most probable set that was judged than bins do: what bins say of others is
+    /// counted from there.
+    pub samples_over_bins: f64,
     /// What the samples say beside sets that were judged.
     pub besides: Vec<Beside>,
     /// Log evidence in bins of each of them.
@@ -114,6 +117,7 @@ impl<'a> Search<'a> {
             best: base.clone(),
             base,
             fitted: Fitted::new(),
+            samples_over_bins: 0.0,
             besides: Vec::new(),
             of_bins: BTreeMap::new(),
             forgotten: Vec::new(),

@@ -11,6 +11,7 @@ use whorl_prediction::Settings as OfPredictor;
 use whorl_recording::Recording;
 
 use crate::evidence::regression::{Estimate, Normal};
+use crate::explanations::candidates::Candidate;
 use crate::explanations::hypothesis::{Hypothesis, Member, rarity_nats};
 use crate::parameters::Column;
 use crate::refit::{Entered, Refit};
@@ -36,7 +37,8 @@ pub(crate) struct Asked {
 /// Columns of an effect behind those of a set.
 struct Offered {
     id: &'static str,
-    columns: Vec<usize>,
+    /// Columns with which it may enter.
+    options: Vec<Vec<usize>>,
     /// Whether its amplitudes are all of it: with a shape at another value others might fit.
     is_linear: bool,
 }
@@ -65,7 +67,7 @@ impl Beside {
             .offered
             .iter()
             .filter_map(|effect| {
-                let (gain, size, columns) = self.gain_of(&effect.columns, settings)?;
+                let (gain, size, columns) = self.best_of(effect, settings)?;
                 let promise = gain - self.without + log_prior(&[effect.id], settings);
                 let indices = columns.iter().map(|i| self.columns[*i].index).collect();
                 Some(Asked { id: effect.id, entered: Entered { indices, size }, promise })
@@ -92,12 +94,27 @@ impl Beside {
         let Some(offered) = offered.filter(|all| all.iter().all(|effect| effect.is_linear)) else {
             return false;
         };
-        let columns: Vec<usize> = offered.iter().flat_map(|effect| effect.columns.iter().copied()).collect();
+        // Each with the columns that do most alone.
+        let best: Option<Vec<(usize, Vec<usize>)>> = offered
+            .iter()
+            .map(|effect| Some((effect.options.len(), self.best_of(effect, settings)?.2)))
+            .collect();
+        let Some(best) = best else { return false };
+        let columns: Vec<usize> = best.iter().flat_map(|(_, columns)| columns.iter().copied()).collect();
+        let choices: f64 = best.iter().map(|(options, _)| (*options as f64).ln()).sum();
         let Some((gain, ..)) = self.gain_of(&columns, settings) else { return false };
+        let gain = gain - choices;
         let gain = gain - self.without;
         let most_gained = if gain > settings.window_nats { 2.0 * gain } else { gain };
         let promise = most_gained + log_prior(names, settings) - log_prior(&self.names, settings);
         self.log_posterior + promise < most + settings.worth_mentioning.ln()
+    }
+
+    /// The same of an effect with those of its columns that are likeliest, the choice paid for.
+    fn best_of(&self, effect: &Offered, settings: &Settings) -> Option<(f64, f64, Vec<usize>)> {
+        let choice = (effect.options.len() as f64).ln();
+        let gains = effect.options.iter().filter_map(|columns| self.gain_of(columns, settings));
+        gains.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(gain, size, columns)| (gain - choice, size, columns))
     }
 
     /// Log evidence with more columns, at the size that is likeliest, and those with which they enter: what would have values that no
@@ -171,9 +188,10 @@ impl Search<'_> {
             let is_of_it = |i: &usize| refit.columns[*i].group == candidate.id;
             let mut columns: Vec<usize> = own.iter().copied().filter(is_of_it).collect();
             columns.extend(self.offer(&mut refit, &mut at, candidate.effect));
+            let options = self.options_of(candidate, &refit.columns, columns);
             let specs = candidate.effect.parameters(&self.problem.reference.model);
             let is_linear = specs.iter().all(|spec| spec.known || spec.role == Role::Amplitude);
-            offered.push(Offered { id: candidate.id, columns, is_linear });
+            offered.push(Offered { id: candidate.id, options, is_linear });
         }
         let normal = fit.normal(&refit, &[], training, self.options.threads)?;
         let known = |i: usize| refit.stddevs[i].powi(2);
@@ -189,6 +207,20 @@ impl Search<'_> {
             at,
             normal,
         }))
+    }
+
+    /// The ways in which a candidate may enter with some of these columns; all of them where none is told.
+    fn options_of(&self, candidate: &Candidate, columns: &[Column], of_it: Vec<usize>) -> Vec<Vec<usize>> {
+        let place = |i: &usize| {
+            let own = self.layout.columns.get(*i)?;
+            of_it.iter().copied().find(|k| own.origin.is_none() && columns[*k].index == own.index)
+        };
+        let placed = |option: &Vec<usize>| -> Vec<usize> { option.iter().filter_map(place).collect() };
+        let mut options: Vec<Vec<usize>> =
+            candidate.options.iter().map(placed).filter(|option| !option.is_empty()).collect();
+        options.sort();
+        options.dedup();
+        if options.is_empty() && !of_it.is_empty() { vec![of_it] } else { options }
     }
 
     /// Adds the amplitudes of an effect that any platform may have, at none; where they are.

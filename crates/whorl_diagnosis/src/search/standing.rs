@@ -218,14 +218,23 @@ impl Search<'_> {
         or_alike(colours, self.fitted.values().filter_map(|set| set.held_colours.as_ref()))
     }
 
-    /// Remembers a set where it stands best.
-    pub(crate) fn remember(&mut self, converged: Converged) {
+    /// Remembers a set where it stands best, unless the samples have judged it.
+    pub(crate) fn remember(&mut self, mut converged: Converged) {
         self.watch_latency(&converged.names, converged.standing.log_evidence, &converged.point);
-        let known = self.fitted.get(&converged.names);
-        if known.is_none_or(|known| converged.standing.log_evidence >= known.standing.log_evidence) {
-            self.of_bins.insert(converged.names.clone(), converged.standing.log_evidence);
+        self.note_bins(&converged);
+        converged.standing.log_evidence += self.samples_over_bins;
+        let is_better = |known: &Converged| {
+            known.judged.is_none() && converged.standing.log_evidence >= known.standing.log_evidence
+        };
+        if self.fitted.get(&converged.names).is_none_or(is_better) {
             self.fitted.insert(converged.names.clone(), converged);
         }
+    }
+
+    /// Notes what bins say of a set where it stands best in them.
+    pub(crate) fn note_bins(&mut self, converged: &Converged) {
+        let of_set = self.of_bins.entry(converged.names.clone()).or_insert(f64::NEG_INFINITY);
+        *of_set = of_set.max(converged.standing.log_evidence);
     }
 
     /// Compares a set no more.

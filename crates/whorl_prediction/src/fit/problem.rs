@@ -110,6 +110,16 @@ impl Problem<'_> {
         })
     }
 
+    /// Whether starts of recordings have the states of the model there.
+    pub fn are_of(&self, at: &[f64], runs: &[(Noise, Start)]) -> bool {
+        let Ok(model) = self.model(at) else { return false };
+        let with = self.recordings.iter().zip(runs);
+        let is_of = |(recording, (_, start)): (_, &(Noise, Start))| {
+            Prepared::new(recording, &model, *self.settings).is_ok_and(|case| start.is_of(&case))
+        };
+        with.into_iter().all(is_of)
+    }
+
     fn each_pass(
         &self,
         at: &[f64],

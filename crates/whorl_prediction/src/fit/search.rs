@@ -42,6 +42,9 @@ impl Problem<'_> {
     pub fn begun_beside(&self, starts: &[Vec<f64>], rival: &[Followed]) -> Result<Standing, PredictionError> {
         let runs = runs_of(rival);
         let mut best: Option<(f64, &Vec<f64>)> = None;
+        if !starts.iter().any(|at| self.are_of(at, &runs)) {
+            return self.begun(starts);
+        }
         for at in starts {
             let log = match self.passes_alone(at, &runs) {
                 Err(PredictionError::NoModel) => continue,
