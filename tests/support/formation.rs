@@ -132,11 +132,6 @@ impl Formation {
         }
     }
 
-    /// Both platforms and the coordinator in a long hold; waits until it is reached.
-    pub fn holding(layers: &[&str]) -> (Self, Watch) {
-        Self::new(&["whorl_1", "whorl_2"], &[&[LONG_HOLD], layers].concat()).held()
-    }
-
     /// Whorl-I and the coordinator in a long hold; waits until it is reached.
     pub fn holding_alone(layers: &[&str]) -> (Self, Watch) {
         Self::new(&["whorl_1"], &[&[LONG_HOLD_ALONE], layers].concat()).held()
