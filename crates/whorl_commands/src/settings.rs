@@ -65,7 +65,7 @@ pub fn read(path: &Path) -> anyhow::Result<Settings> {
             Value::Bool(_) | Value::String(_) | Value::BoolArray(_) | Value::StringArray(_) => Vec::new(),
         };
         if let Err(problem) = settings.set(&entry.key, &numbers) {
-            bail!("{}: {} = {}: {problem}", entry.origin, entry.key, entry.value);
+            bail!("{}: {} = {}: {problem}; all stand under {SECTION}:", entry.origin, entry.key, entry.value);
         }
     }
     Ok(settings)
