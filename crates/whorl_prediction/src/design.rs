@@ -6,9 +6,9 @@
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 use nalgebra::{DMatrix, DVector};
+use whorl_recording::Component;
 
-use crate::columns::{Sums, Widening};
-use crate::filter::Innovation;
+use crate::sums::{Sums, Widening};
 
 /// Bytes that are kept of a recording at most: six minutes at 100 Hz of nine numbers and 70 parameters. Longer ones are gone through with
 /// columns each time.
@@ -28,8 +28,9 @@ pub(crate) struct Design {
 pub(crate) struct Order(DefaultHasher);
 
 impl Order {
-    pub fn add(&mut self, innovation: &Innovation) {
-        (innovation.component, innovation.sample).hash(&mut self.0);
+    /// Another innovation: of which component, and which sample of its series.
+    pub fn add(&mut self, component: Component, sample: usize) {
+        (component, sample).hash(&mut self.0);
     }
 
     pub fn is_that_of(&self, other: &Self) -> bool {

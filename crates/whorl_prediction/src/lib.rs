@@ -64,6 +64,7 @@ mod settings;
 mod since;
 mod smoothed;
 mod start;
+mod sums;
 mod transition;
 
 pub use ahead::AheadError;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::columns::{Columns, Sums, Widening};
+use crate::columns::Columns;
 use crate::design::{Design, Kept, Order};
 use crate::error::PredictionError;
 use crate::filter::Filter;
@@ -15,6 +15,7 @@ use crate::other::Varied;
 use crate::parameter::Parameter;
 use crate::prepared::Prepared;
 use crate::start::Start;
+use crate::sums::{Sums, Widening};
 
 /// What a pass over a recording says.
 pub(crate) struct Pass {
@@ -93,7 +94,7 @@ pub(crate) fn pass(
     while filter.step(&mut |innovation| {
         likelihood.add(innovation);
         if keeps {
-            order.add(innovation);
+            order.add(innovation.component, innovation.sample);
         }
     }) {}
     likelihood.lost = filter.lost;
@@ -115,7 +116,7 @@ pub(crate) fn pass_near(case: &Prepared<'_>, noise: &Noise, start: &Start, kept:
     while filter.step(&mut |innovation| {
         if let Some(kept) = kept {
             kept.design.add_slope(likelihood.numbers, innovation.normalised(), &mut slope);
-            order.add(innovation);
+            order.add(innovation.component, innovation.sample);
         }
         likelihood.add(innovation);
     }) {}
