@@ -98,9 +98,16 @@ impl Diagnosis {
                     let line = u.frequency_hz.map_or_else(String::new, |f| format!(", a line at {f:.3} Hz"));
                     let parity =
                         if u.parity == "none" { String::new() } else { format!(", {} symmetry", u.parity) };
+                    // Beside a random torque that is there anyway it may be little of all that the model lacks.
+                    let percent = (100.0 * u.share).round();
+                    let explains = if percent >= 1.0 {
+                        format!("; this explains {percent} % of the excess")
+                    } else {
+                        String::new()
+                    };
                     text.push(format!(
-                        "The residual correlates best with {}{parity}{line}, about {} of the {} frame; this explains {:.0} % of the excess.",
-                        u.variable, u.axis, u.frame, 100.0 * u.share
+                        "The residual correlates best with {}{parity}{line}, about {} of the {} frame{explains}.",
+                        u.variable, u.axis, u.frame
                     ));
                     if u.size > 0.0 {
                         text.push(format!(
