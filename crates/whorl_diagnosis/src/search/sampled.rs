@@ -103,8 +103,7 @@ impl Beside {
         let columns: Vec<usize> = best.iter().flat_map(|(_, columns)| columns.iter().copied()).collect();
         let choices: f64 = best.iter().map(|(options, _)| (*options as f64).ln()).sum();
         let Some((gain, ..)) = self.gain_of(&columns, settings) else { return false };
-        let gain = gain - choices;
-        let gain = gain - self.without;
+        let gain = gain - choices - self.without;
         let most_gained = if gain > settings.window_nats { 2.0 * gain } else { gain };
         let promise = most_gained + log_prior(names, settings) - log_prior(&self.names, settings);
         self.log_posterior + promise < most + settings.worth_mentioning.ln()
