@@ -3,7 +3,7 @@
 //! For each parameter another plant begins every step in the filter's own state, with the model a little further along the
 //! parameter: what it does otherwise is what drives the column, whatever the effect is. See METHOD.md, "Sensitivities".
 
-use nalgebra::{DMatrix, DVector, DVectorView};
+use nalgebra::{DMatrix, DVector};
 use whorl_dynamics::Plant;
 use whorl_dynamics::plant::{Acts, LinearisedPlant};
 use whorl_recording::Channel;
@@ -11,15 +11,13 @@ use whorl_recording::Channel;
 use crate::design::Design;
 use crate::error::PredictionError;
 use crate::heading::UnseenHeading;
+use crate::information::Information;
 use crate::laws::{Laws, Push};
 use crate::other::{Differs, Does, Other, Varied};
 use crate::prepared::{OtherModel, Prepared};
-use crate::rows::Row;
+use crate::rows::{Row, Taken};
 use crate::sums::Sums;
 use crate::transition::add_product_transposed;
-
-/// Innovations that are added to the information together.
-const TOGETHER: usize = 64;
 
 /// Steps up to this share of the time of the fastest motion may be taken with what a parameter does at their start: the motion turns
 /// what it does by as many radians meanwhile.
@@ -43,18 +41,14 @@ pub(crate) struct Columns<'a> {
     of_state: DMatrix<f64>,
     /// Of the estimate of the start, the same way.
     of_start: DMatrix<f64>,
-    /// Sum of d d^T / S over all innovations e with d = de/dtheta: the information on the parameters,
-    information: DMatrix<f64>,
-    /// but for those whose d / sqrt(S) are here, as columns: products of large matrices take less time,
-    waiting: DMatrix<f64>,
-    /// and how many these are.
-    count_waiting: usize,
+    /// Sum of d d^T / S over all innovations e with d = de/dtheta: the information on the parameters.
+    information: Information,
     /// Sum of d e / S.
     slope: DVector<f64>,
     /// How fast the filter's state moved over the last step, coordinates of the plant per second.
     rates: DVector<f64>,
-    /// d of the innovations of the present instant, in their order.
-    latest: Vec<DVector<f64>>,
+    /// d of the innovations of the present instant, a column each in their order.
+    latest: DMatrix<f64>,
     /// d of all innovations, if they are kept.
     design: Option<Design>,
 }
@@ -81,12 +75,10 @@ impl<'a> Columns<'a> {
             acts: None,
             of_state: DMatrix::zeros(n, size),
             of_start: DMatrix::zeros(n, size),
-            information: DMatrix::zeros(n, n),
-            waiting: DMatrix::zeros(n, TOGETHER),
-            count_waiting: 0,
+            information: Information::new(varied.len(), n - varied.len(), laws.map_or(0, Laws::apart)),
             slope: DVector::zeros(n),
             rates: DVector::zeros(case.plant().tangent().size()),
-            latest: Vec::new(),
+            latest: DMatrix::zeros(n, 0),
             design: None,
         })
     }
@@ -98,10 +90,12 @@ impl<'a> Columns<'a> {
     }
 
     /// The sums over all innovations so far, and how each changes if that was kept.
-    pub fn sums(mut self) -> (Sums, Option<Design>) {
-        self.gather();
-        let sums =
-            Sums { information: self.information, slope: -self.slope, of_start: self.of_start.transpose() };
+    pub fn sums(self) -> (Sums, Option<Design>) {
+        let sums = Sums {
+            information: self.information.sum(),
+            slope: -self.slope,
+            of_start: self.of_start.transpose(),
+        };
         (sums, self.design)
     }
 
@@ -231,7 +225,6 @@ impl<'a> Columns<'a> {
         rows: &[Row],
         read: &dyn Fn(&Plant) -> Vec<Row>,
     ) -> DMatrix<f64> {
-        self.latest.clear();
         let n = self.rates.len();
         let here = vec![0.0; n];
         // What differs in readings alone shows in the state as it is now.
@@ -293,55 +286,39 @@ impl<'a> Columns<'a> {
         found
     }
 
-    /// The change of an innovation `value` with the parameters; `direct` is the part that is not by the state, `changed` what the
-    /// readings of the same instant have changed already, parameters by coordinates.
-    pub fn of_innovation(
-        &self,
-        row: &Row,
-        direct: &DMatrix<f64>,
-        position: usize,
-        changed: &DMatrix<f64>,
-    ) -> DVector<f64> {
-        let mut d = direct.column(position).into_owned();
-        for (i, h) in row.by_state.iter().enumerate().filter(|(_, h)| **h != 0.0) {
-            d.axpy(-h, &self.of_state.column(i), 1.0);
-            d.axpy(-h, &changed.column(i), 1.0);
+    /// Takes in the readings of an instant; `direct` is how they change with the parameters where the state does not, parameters by
+    /// readings.
+    pub fn take_in(&mut self, rows: &[Row], direct: DMatrix<f64>, taken: &Taken) {
+        let by_state = DMatrix::from_fn(self.of_state.ncols(), rows.len(), |i, k| rows[k].by_state[i]);
+        let mut d = direct;
+        d.gemm(-1.0, &self.of_state, &by_state, 1.0);
+        // What the readings before it of the same instant have changed already.
+        for k in 1..rows.len() {
+            let (before, mut own) = d.columns_range_pair_mut(..k, k);
+            for (q, before) in before.column_iter().enumerate() {
+                let share = by_state.column(k).dot(&taken.gains.column(q));
+                if share != 0.0 {
+                    own.axpy(-share, &before, 1.0);
+                }
+            }
         }
-        d
-    }
-
-    /// Takes in an innovation and its change.
-    pub fn add(&mut self, d: &DVector<f64>, value: f64, variance: f64) {
-        self.waiting.column_mut(self.count_waiting).axpy(1.0 / variance.sqrt(), d, 0.0);
-        self.count_waiting += 1;
-        if self.count_waiting == TOGETHER {
-            self.gather();
+        for (k, (value, variance)) in taken.values.iter().zip(&taken.variances).enumerate() {
+            let d = d.column(k);
+            self.information.add(d.as_view(), *variance);
+            self.slope.axpy(value / variance, &d, 1.0);
+            if let Some(design) = &mut self.design {
+                design.push(d.as_view(), variance.sqrt());
+            }
         }
-        self.slope.axpy(value / variance, d, 1.0);
-        if let Some(design) = &mut self.design {
-            design.push(d, variance.sqrt());
+        self.of_state.gemm(1.0, &d, &taken.gains.transpose(), 1.0);
+        if let Some(of_start) = &taken.of_start {
+            self.of_start.gemm(1.0, &d, &of_start.transpose(), 1.0);
         }
-        self.latest.push(d.clone());
-    }
-
-    fn gather(&mut self) {
-        let waiting = self.waiting.columns(0, self.count_waiting);
-        self.information.gemm(1.0, &waiting, &waiting.transpose(), 1.0);
-        self.count_waiting = 0;
-    }
-
-    /// The start learns of an innovation.
-    pub fn learn(&mut self, gain: DVectorView<'_, f64>, d: &DVector<f64>) {
-        self.of_start.ger(1.0, d, &gain, 1.0);
-    }
-
-    /// The state changes by what was read.
-    pub fn change(&mut self, changed: &DMatrix<f64>) {
-        self.of_state += changed;
+        self.latest = d;
     }
 
     /// The changes of the innovations of the present instant.
-    pub fn latest(&self) -> &[DVector<f64>] {
+    pub fn latest(&self) -> &DMatrix<f64> {
         &self.latest
     }
 

@@ -5,7 +5,7 @@
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, DVectorView};
 use whorl_recording::Component;
 
 use crate::sums::{Sums, Widening};
@@ -46,7 +46,7 @@ impl Design {
     }
 
     /// The changes `d` of an innovation with this deviation.
-    pub fn push(&mut self, d: &DVector<f64>, stddev: f64) {
+    pub fn push(&mut self, d: DVectorView<'_, f64>, stddev: f64) {
         self.rows.extend(d.iter().map(|d| (d / stddev) as f32));
     }
 

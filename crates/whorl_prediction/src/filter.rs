@@ -8,12 +8,13 @@ use whorl_recording::Component;
 use crate::claims::Claims;
 use crate::columns::Columns;
 use crate::heading::UnseenHeading;
+use crate::information::Information;
 use crate::layout::Layout;
 use crate::linearisation::{Place, linearised};
 use crate::noise::Noise;
 use crate::prepared::Prepared;
 use crate::readings::Cursor;
-use crate::rows::{Row, Seen};
+use crate::rows::{Row, Seen, Taken};
 use crate::since::Since;
 use crate::start::Start;
 use crate::transition::{Step, fastest_rate_1_s};
@@ -51,10 +52,19 @@ impl Innovation {
 pub(crate) struct Origin {
     /// Start by present.
     pub covariance: DMatrix<f64>,
-    /// Of the start itself.
-    pub own: DMatrix<f64>,
+    /// Of the start itself before anything was read,
+    before: DMatrix<f64>,
+    /// and by how much it has become less.
+    learnt: Information,
     /// How far it is from where the filter began.
     pub shift: DVector<f64>,
+}
+
+impl Origin {
+    /// The start's covariance given what was read, and how far it is from where the filter began.
+    pub fn end(self) -> (DMatrix<f64>, DVector<f64>) {
+        (self.before - self.learnt.sum(), self.shift)
+    }
 }
 
 /// A filter on its way through a recording.
@@ -123,8 +133,10 @@ impl<'a> Filter<'a> {
     /// The same, which learns of its start as it goes.
     pub fn looking_back(mut self) -> Self {
         let p = &self.covariance;
-        self.origin =
-            Some(Origin { covariance: p.clone(), own: p.clone(), shift: DVector::zeros(p.nrows()) });
+        let size = p.nrows();
+        let learnt = Information::new(size, 0, 0);
+        let shift = DVector::zeros(size);
+        self.origin = Some(Origin { covariance: p.clone(), before: p.clone(), learnt, shift });
         self
     }
 
@@ -172,7 +184,7 @@ impl<'a> Filter<'a> {
                 columns.of_readings(&self.plant, &self.linearised, &rows, &read)
             });
             self.columns = columns;
-            self.take_in(&rows, direct.as_ref(), told);
+            self.take_in(&rows, direct, told);
             !self.lost
         })
     }
@@ -220,17 +232,12 @@ impl<'a> Filter<'a> {
 
     /// Corrects the state by these readings, one number after the other; `direct` is how they change with the parameters where the
     /// state does not.
-    pub fn take_in(
-        &mut self,
-        rows: &[Row],
-        direct: Option<&DMatrix<f64>>,
-        told: &mut dyn FnMut(&Innovation),
-    ) {
+    pub fn take_in(&mut self, rows: &[Row], direct: Option<DMatrix<f64>>, told: &mut dyn FnMut(&Innovation)) {
         let time_s = self.plant.now_ns() as f64 * 1e-9;
-        let mut change = DVector::zeros(self.layout.size());
-        let parameters = self.columns.as_ref().map_or(0, Columns::count);
-        let mut changed = DMatrix::zeros(parameters, self.layout.size());
-        for (position, row) in rows.iter().enumerate() {
+        let size = self.layout.size();
+        let mut change = DVector::zeros(size);
+        let mut taken = Taken::new(size, rows.len(), self.origin.as_ref().map(|o| o.covariance.nrows()));
+        for (k, row) in rows.iter().enumerate() {
             let a = product(&self.covariance, &row.by_state);
             let s = row.by_state.dot(&a) + row.variance;
             let value = row.value - row.by_state.dot(&change);
@@ -256,29 +263,24 @@ impl<'a> Filter<'a> {
             if let Some(since) = &mut self.since {
                 since.learn(&row.by_state, value, s, &gain);
             }
-            let sensitivity = self.columns.as_mut().zip(direct).map(|(columns, direct)| {
-                let d = columns.of_innovation(row, direct, position, &changed);
-                columns.add(&d, value, s);
-                changed.ger(1.0, &d, &gain, 1.0);
-                d
-            });
-            if let Some(origin) = &mut self.origin {
+            if let Some((origin, mut gain_of_start)) =
+                self.origin.as_mut().zip(taken.of_start.as_mut().map(|all| all.column_mut(k)))
+            {
                 let b = product(&origin.covariance, &row.by_state);
-                origin.shift.axpy(value / s, &b, 1.0);
-                if let Some((columns, d)) = self.columns.as_mut().zip(sensitivity) {
-                    columns.learn((&b / s).as_view(), &d);
-                }
-                origin.own.ger(-1.0 / s, &b, &b, 1.0);
                 origin.covariance.ger(-1.0 / s, &b, &a, 1.0);
+                origin.learnt.add(b.as_view(), s);
+                gain_of_start.axpy(1.0 / s, &b, 0.0);
+                origin.shift.axpy(value, &gain_of_start, 1.0);
             }
+            taken.add(value, s, &gain);
         }
         covariance::symmetrise(&mut self.covariance);
         if let Some(claimed) = self.claims.as_mut().and_then(|claims| claims.covariance.as_mut()) {
             covariance::symmetrise(claimed);
         }
         self.change(change.as_view());
-        if let Some(columns) = &mut self.columns {
-            columns.change(&changed);
+        if let Some((columns, direct)) = self.columns.as_mut().zip(direct) {
+            columns.take_in(rows, direct, &taken);
         }
     }
 

@@ -141,9 +141,9 @@ impl Passed {
             likelihood.log = f64::NEG_INFINITY;
         }
         let size = start.covariance.nrows();
-        let (shift, own) = match filter.origin {
-            Some(origin) if origin.shift.iter().all(|x| x.is_finite()) => (origin.shift, origin.own),
-            _ => (DVector::zeros(size), start.covariance.clone()),
+        let (own, shift) = match filter.origin {
+            Some(origin) if origin.shift.iter().all(|x| x.is_finite()) => origin.end(),
+            _ => (start.covariance.clone(), DVector::zeros(size)),
         };
         Self { start, likelihood, shift, own, heading }
     }

@@ -24,6 +24,7 @@ pub enum Push {
 /// throughout, so that they know nothing of readings to come.
 pub struct Laws<'a> {
     count: usize,
+    apart: usize,
     of: Box<OfState<'a>>,
 }
 
@@ -31,15 +32,21 @@ pub struct Laws<'a> {
 type OfState<'a> = dyn Fn(&Plant, &mut Vec<Push>) + Send + Sync + 'a;
 
 impl<'a> Laws<'a> {
-    /// So many laws; `of` appends what each adds in the state of a plant, in their order. Those that it leaves out add nothing.
-    pub fn new(count: usize, of: impl Fn(&Plant, &mut Vec<Push>) + Send + Sync + 'a) -> Self {
-        Self { count, of: Box::new(of) }
+    /// So many laws; `of` appends what each adds in the state of a plant, in their order. Those that it leaves out add nothing. Of two
+    /// laws that are `apart` or further in that order nobody asks what they do together: that is not found.
+    pub fn new(count: usize, apart: usize, of: impl Fn(&Plant, &mut Vec<Push>) + Send + Sync + 'a) -> Self {
+        Self { count, apart, of: Box::new(of) }
     }
 
     /// How many there are.
     #[must_use]
     pub fn count(&self) -> usize {
         self.count
+    }
+
+    /// From how far apart two take no part together.
+    pub(crate) fn apart(&self) -> usize {
+        self.apart
     }
 
     /// What they add in this state.

@@ -44,6 +44,7 @@ mod fit;
 mod fitted;
 mod guess;
 mod heading;
+mod information;
 mod known;
 mod laws;
 mod layout;

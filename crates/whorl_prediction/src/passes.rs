@@ -102,7 +102,7 @@ pub(crate) fn pass(
         Some(columns) => columns.sums(),
         None => (Sums::none(start.layout.size(), parameters), None),
     };
-    let (shift, sums, widening) = from_what_was_known(&filter, start, sums);
+    let (shift, sums, widening) = from_what_was_known(&mut filter, start, sums);
     let kept =
         design.filter(|_| !filter.lost).map(|design| Arc::new(Kept::new(design, order, &sums, widening)));
     Ok(Pass { likelihood, shift, sums, kept })
@@ -129,21 +129,21 @@ pub(crate) fn pass_near(case: &Prepared<'_>, noise: &Noise, start: &Start, kept:
     if let Some((sums, shift, kept)) = with {
         return Pass { likelihood, shift, sums, kept: Some(kept) };
     }
-    let (shift, sums, _) = from_what_was_known(&filter, start, Sums::none(start.layout.size(), 0));
+    let (shift, sums, _) = from_what_was_known(&mut filter, start, Sums::none(start.layout.size(), 0));
     Pass { likelihood, shift, sums, kept: None }
 }
 
 /// How the start moves that a run shows, and what it says of parameters, as if the filter had begun with what was known before the run.
-fn from_what_was_known(filter: &Filter<'_>, start: &Start, sums: Sums) -> (DVector<f64>, Sums, Widening) {
+fn from_what_was_known(filter: &mut Filter<'_>, start: &Start, sums: Sums) -> (DVector<f64>, Sums, Widening) {
     let heading = filter.heading;
     let wide = Start::wide(filter.case, filter.noise).covariance;
     let [narrow, wide] = [&start.covariance, &wide].map(|known| heading.out_of(known));
     let size = start.layout.size();
-    let (shift, own) = match &filter.origin {
-        Some(origin) => (origin.shift.clone(), &origin.own),
-        None => (DVector::zeros(size), &narrow),
+    let (own, shift) = match filter.origin.take() {
+        Some(origin) => origin.end(),
+        None => (narrow.clone(), DVector::zeros(size)),
     };
-    let (mut sums, widening) = sums.widened(own, &narrow, &wide);
+    let (mut sums, widening) = sums.widened(&own, &narrow, &wide);
     sums.slope += &widening.of_slope * &shift;
     (&widening.of_shift * shift, sums, widening)
 }

@@ -1,6 +1,6 @@
 //! Readings against what is predicted of them in a state.
 
-use nalgebra::{DVector, Unit, Vector3};
+use nalgebra::{DMatrix, DVector, Unit, Vector3};
 use whorl_dynamics::Plant;
 use whorl_dynamics::plant::{LinearisedPlant, ROTATION};
 use whorl_math::{quaternion_exp, unit_or};
@@ -24,6 +24,36 @@ pub(crate) struct Row {
     pub variance: f64,
     /// Derivative of the reading by the state's coordinates.
     pub by_state: DVector<f64>,
+}
+
+/// How the readings of an instant were taken in, one number after the other.
+pub(crate) struct Taken {
+    /// By how much each changes the state, a column each.
+    pub gains: DMatrix<f64>,
+    /// The same of the estimate of the start, if that is asked for.
+    pub of_start: Option<DMatrix<f64>>,
+    /// Innovations and their variances.
+    pub values: Vec<f64>,
+    pub variances: Vec<f64>,
+}
+
+impl Taken {
+    /// Of a state of this size, and a start of that one.
+    pub fn new(size: usize, readings: usize, start: Option<usize>) -> Self {
+        Self {
+            gains: DMatrix::zeros(size, readings),
+            of_start: start.map(|start| DMatrix::zeros(start, readings)),
+            values: Vec::with_capacity(readings),
+            variances: Vec::with_capacity(readings),
+        }
+    }
+
+    /// The next.
+    pub fn add(&mut self, value: f64, variance: f64, gain: &DVector<f64>) {
+        self.gains.set_column(self.values.len(), gain);
+        self.values.push(value);
+        self.variances.push(variance);
+    }
 }
 
 /// A state, and the derivatives about it; `None`: only what the readings are less their predictions is wanted.

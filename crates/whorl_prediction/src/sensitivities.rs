@@ -25,8 +25,8 @@ pub fn sensitivities(
     let mut filter = Filter::new(case, noise, start).varying(columns);
     let mut innovations = Vec::new();
     while filter.step(&mut |innovation| innovations.push(*innovation)) {
-        let latest = filter.columns.as_ref().map_or(&[][..], Columns::latest);
-        innovations.drain(..).zip(latest).for_each(|(innovation, d)| told(&innovation, d));
+        let latest = filter.columns.iter().flat_map(|columns| columns.latest().column_iter());
+        innovations.drain(..).zip(latest).for_each(|(innovation, d)| told(&innovation, &d.into_owned()));
     }
     Ok(())
 }

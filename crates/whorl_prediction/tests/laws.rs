@@ -23,7 +23,7 @@ const EFFECTS: [(&str, &str, f64); 4] = [
 ];
 
 fn laws<'a>() -> Laws<'a> {
-    Laws::new(EFFECTS.len(), |plant, pushes| {
+    Laws::new(EFFECTS.len(), EFFECTS.len(), |plant, pushes| {
         let rate_rad_s = plant.state().omega_wb_b_rad_s;
         pushes.extend([
             Push::Body(rate_rad_s * -1e-3),

@@ -103,8 +103,11 @@ impl Search<'_> {
         training: &[Recording],
     ) -> Result<Normal, DiagnosisError> {
         let problem = &self.problem;
+        // Laws are tried one at a time: of two columns of different ones nobody asks what they do together.
+        let span = |law: &Law| Some(law.columns.iter().max()? - law.columns.iter().min()? + 1);
+        let apart = tried.laws.iter().filter_map(span).max().unwrap_or(0);
         let of_run = |(run, motion)| {
-            Laws::new(tried.columns.len(), move |plant, pushes| {
+            Laws::new(tried.columns.len(), apart, move |plant, pushes| {
                 let here = At::plant(run, motion, plant);
                 let all = tried.columns.iter();
                 pushes.extend(all.map(|column| push(&tried.groups, column, &here, &problem.torques)));
