@@ -81,8 +81,9 @@ impl Beside {
         asked
     }
 
-    /// Whether a set is not worth a mention beside one of this log posterior: if it holds the set that the samples were asked about,
-    /// and besides only effects that are linear in what they were asked for. Far from an optimum sums may promise half.
+    /// Whether a set does not matter beside one of this log posterior: if it holds the set that the samples were asked about, and
+    /// besides only effects that are linear in what they were asked for. What sums promise little of is close to its optimum already:
+    /// a fit would change an answer by less than is left open. Far from an optimum sums may promise half.
     fn rules_out(&self, names: &[String], most: f64, settings: &Settings) -> bool {
         let is_own = |name: &String| self.names.contains(name);
         if names.len() <= self.names.len() || !self.names.iter().all(|name| names.contains(name)) {
@@ -106,7 +107,7 @@ impl Beside {
         let gain = gain - choices - self.without;
         let most_gained = if gain > settings.window_nats { 2.0 * gain } else { gain };
         let promise = most_gained + log_prior(names, settings) - log_prior(&self.names, settings);
-        self.log_posterior + promise < most + settings.worth_mentioning.ln()
+        self.log_posterior + promise < most - settings.doubt_nats
     }
 
     /// The same of an effect with those of its columns that are likeliest, the choice paid for.
