@@ -26,11 +26,13 @@ parameters! {
     Magnet(_model: PlatformModel) {
         dipole_b_a_m2: Vector3<f64> =
             per_axis("dipole", "_a_m2", "A m^2", 1000.0, 30.0, "Dipole along this body axis."),
-        // East, north, up: declination about 8 degrees west, inclination about 65 degrees down.
+        // East, north, up: declination about 8 degrees west, inclination about 65 degrees down. Elsewhere, in a building of steel or where
+        // the world's axes are not east and north, it is another: over the Earth horizontal parts reach 42e-6 T, and the vertical one
+        // has either sign (IGRF-13, Alken et al. 2021).
         field_w_t: Vector3<f64> =
             [("field_x_t", -3.0e-6), ("field_y_t", 21.0e-6), ("field_z_t", -47.0e-6)].map(|(name, tesla)| {
                 let doc = "Field along this world axis (east, north, up).";
-                ParameterSpec::new(name, "T", (-1e-3, 1e-3), 5e-6, doc).with_neutral(tesla).known()
+                ParameterSpec::new(name, "T", (-1e-3, 1e-3), 20e-6, doc).with_neutral(tesla).shape()
             }),
     }
 }
