@@ -294,8 +294,8 @@ impl LawBench {
                 stray_response(run, linear, &strays)
             });
             let responses = responses.into_iter().flatten().collect();
-            let colours = data.colours.get(r).map_or(&[][..], Vec::as_slice);
-            let widened = old.widened(&all, responses, signals.len(), colours, problem.threads);
+            let ar_models = data.ar_models.get(r).map_or(&[][..], Vec::as_slice);
+            let widened = old.widened(&all, responses, signals.len(), ar_models, problem.threads);
             widened.add_unfilled(&widened.normal(problem.threads), &mut normal);
         }
         Ok(normal)

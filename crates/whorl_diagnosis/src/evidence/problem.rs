@@ -7,7 +7,7 @@ use whorl_math::vertical_b;
 use whorl_recording::{Channel, Recording};
 use whorl_trajectory::noise::typical_step_s;
 
-use crate::evidence::colour::{Colour, Colours, colour_log_density, colours_of};
+use crate::evidence::ar_noise::{ArModel, ArModels, ar_log_density, ar_models_of};
 use crate::evidence::nuisance::{Nuisance, PACES, STEP};
 use crate::evidence::regression::{Normal, Whitened};
 use crate::layout::motion::Motion;
@@ -57,8 +57,8 @@ pub(crate) struct Dataset {
     pub blocks: Vec<Normal>,
     pub total: Normal,
     pub whitened: Vec<Whitened>,
-    /// Colour of each channel of each run.
-    pub colours: Colours,
+    /// AR noise model of each channel of each run.
+    pub ar_models: ArModels,
     /// Log density of innovations of zero, up to a constant: sum of the logarithms of their inverse sizes.
     pub log_density: f64,
 }
@@ -426,16 +426,16 @@ impl Problem {
         Ok(whitened)
     }
 
-    /// The regression at a point. `colours` come from an earlier call, or are estimated with a fit of all
+    /// The regression at a point. `ar_models` come from an earlier call, or are estimated with a fit of all
     /// columns, whose prior variances are `wide`.
     pub fn dataset(
         &self,
         mut whitened: Vec<Whitened>,
         columns: usize,
         wide: &[f64],
-        colours: Option<Colours>,
+        ar_models: Option<ArModels>,
     ) -> Dataset {
-        let colours = colours.unwrap_or_else(|| {
+        let ar_models = ar_models.unwrap_or_else(|| {
             let mut total = Normal::zeros(columns);
             for slot in &whitened {
                 // A quarter of the rows is enough to leave only the noise.
@@ -451,12 +451,12 @@ impl Problem {
             whitened
                 .iter()
                 .map(|slot| {
-                    colours_of(&slot.residual(&value), &slot.rows_by_reading(), &self.reference.settings)
+                    ar_models_of(&slot.residual(&value), &slot.rows_by_reading(), &self.reference.settings)
                 })
                 .collect()
         });
-        for (slot, colours) in whitened.iter_mut().zip(&colours) {
-            slot.colour(colours, self.threads);
+        for (slot, ar_models) in whitened.iter_mut().zip(&ar_models) {
+            slot.whiten(ar_models, self.threads);
         }
         let mut blocks = Vec::new();
         let mut total = Normal::zeros(columns);
@@ -467,8 +467,8 @@ impl Problem {
             }
         }
         let of_run =
-            |(slot, colours): (&Whitened, &Vec<Colour>)| colour_log_density(&slot.rows_by_reading(), colours);
-        let log_density = whitened.iter().zip(&colours).map(of_run).sum();
-        Dataset { blocks, total, whitened, colours, log_density }
+            |(slot, ar_models): (&Whitened, &Vec<ArModel>)| ar_log_density(&slot.rows_by_reading(), ar_models);
+        let log_density = whitened.iter().zip(&ar_models).map(of_run).sum();
+        Dataset { blocks, total, whitened, ar_models, log_density }
     }
 }

@@ -11,7 +11,7 @@ use nalgebra::DVector;
 use whorl_dynamics::effects::find;
 
 use crate::DiagnosisError;
-use crate::evidence::colour::{Colours, alike};
+use crate::evidence::ar_noise::{ArModels, alike};
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::{Dataset, Problem, Trust};
 use crate::evidence::regression::{Estimate, Normal};
@@ -183,9 +183,9 @@ impl Search<'_> {
         // What another set needed may be needed here.
         let of_others: Vec<Nuisance> = self.fitted.values().map(|set| set.standing.nuisance).collect();
         // Less noise makes a fit sharper, and a sharper fit leaves less noise.
-        let mut colours = (problem.nuisance == Nuisance::default()).then(|| self.sharp.clone());
+        let mut ar_models = (problem.nuisance == Nuisance::default()).then(|| self.sharp.clone());
         for turn in 0..MOST_TURNS {
-            let Some(descended) = self.descend(problem, from, ids, least, turn == 0, colours)? else { break };
+            let Some(descended) = self.descend(problem, from, ids, least, turn == 0, ar_models)? else { break };
             problem.motions = Arc::clone(&descended.motions);
             let noise = problem.likeliest_noise(&descended.point, &of_others, sizes)?;
             from = Begin {
@@ -194,9 +194,9 @@ impl Search<'_> {
                 members: descended.members.clone(),
             };
             let is_settled =
-                problem.nuisance == noise.sizes && alike(&descended.data.colours, &noise.colours);
+                problem.nuisance == noise.sizes && alike(&descended.data.ar_models, &noise.ar_models);
             problem.nuisance = noise.sizes;
-            colours = Some(noise.colours.clone());
+            ar_models = Some(noise.ar_models.clone());
             last = Some((descended, noise));
             if is_settled {
                 break;
@@ -244,7 +244,7 @@ impl Search<'_> {
         ids: &[&'static str],
         least: f64,
         is_first: bool,
-        mut colours: Option<Colours>,
+        mut ar_models: Option<ArModels>,
     ) -> Result<Option<Descended>, DiagnosisError> {
         let settings = &self.options.settings;
         let Begin { mut point, mut layout, mut members } = from;
@@ -269,10 +269,10 @@ impl Search<'_> {
             let here =
                 Layout::of_effects(&self.problem.reference, &point, &self.available, ids, &Lines::default());
             let smoothed = problem.smooth(&point, trust);
-            let made = smoothed.and_then(|()| dataset(problem, &point, &here, colours.clone()));
+            let made = smoothed.and_then(|()| dataset(problem, &point, &here, ar_models.clone()));
             let Some(data) = DiagnosisError::possible(made)? else { break };
-            // Misfits compare beside the same colours.
-            colours = Some(data.colours.clone());
+            // Misfits are comparable only with the same AR models.
+            ar_models = Some(data.ar_models.clone());
             members = members.iter().filter_map(|m| m.carried(&layout, &here)).collect();
             layout = here;
             let (total, gained) = problem.integrated(&data, &point, &layout, self.relative_error);

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use whorl_dynamics::effects::Rhythm;
 
 use crate::diagnosis::FittedSet;
-use crate::evidence::colour::Colours;
+use crate::evidence::ar_noise::ArModels;
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::{Dataset, Problem, Trust};
 use crate::explanations::candidates::Layout;
@@ -41,9 +41,9 @@ pub(crate) struct Search<'a> {
     pub turning: Vec<usize>,
     /// Hidden states compete as well: their many columns are made only when something is missing.
     pub with_hidden: bool,
-    /// Colours of what all effects leave together, beside no noise that the model does not state: with these a fit of any set
+    /// AR models of the residual of all effects together, without noise that the model does not state: with these a fit of any set
     /// begins. Its own are those of what it does not explain yet.
-    pub sharp: Colours,
+    pub sharp: ArModels,
     pub point: Point,
     /// Relative error of formulas that is integrated out of the present regression.
     pub relative_error: f64,
@@ -94,11 +94,11 @@ impl<'a> Search<'a> {
         let data = dataset(problem, &point, &layout, None)?;
         let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
         let sharp = if problem.nuisance == Nuisance::default() {
-            data.colours.clone()
+            data.ar_models.clone()
         } else {
             let mut quiet = problem.clone();
             quiet.nuisance = Nuisance::default();
-            dataset(&quiet, &point, &layout, None)?.colours
+            dataset(&quiet, &point, &layout, None)?.ar_models
         };
         Ok(Self {
             problem,

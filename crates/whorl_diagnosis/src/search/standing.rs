@@ -7,7 +7,7 @@ use whorl_prediction::{Fitted as FittedToSamples, Laws, Settings, hints};
 use whorl_recording::Recording;
 
 use crate::DiagnosisError;
-use crate::evidence::colour::{Colours, alike};
+use crate::evidence::ar_noise::{ArModels, alike};
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::regression::Normal;
 use crate::explanations::candidates::Layout;
@@ -102,10 +102,10 @@ pub(crate) struct Converged {
     pub members: Vec<Member>,
     /// Standard deviation of each column of the layout, in its units; 0 = it takes no part.
     pub stddevs: Vec<f64>,
-    /// Colours beside which it was weighed, of training runs
-    pub colours: Colours,
+    /// ArModels beside which it was weighed, of training runs
+    pub ar_models: ArModels,
     /// and of held-out ones.
-    pub held_colours: Option<Colours>,
+    pub held_ar_models: Option<ArModels>,
     /// What the filter says of it at the rate of the samples, values integrated out, if it was asked.
     pub judged: Option<Judged>,
 }
@@ -206,16 +206,16 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// These colours of training runs, or those of a set weighed before that are the same within what estimates scatter:
-    /// evidence beside the same colours compares best.
-    pub(crate) fn colours_as_before(&self, colours: Colours) -> Colours {
-        let known = std::iter::once(&self.sharp).chain(self.fitted.values().map(|set| &set.colours));
-        or_alike(colours, known)
+    /// These AR models of training runs, or those of a set evaluated before that agree within the scatter of estimates:
+    /// evidence is best compared with the same noise models.
+    pub(crate) fn ar_models_as_before(&self, ar_models: ArModels) -> ArModels {
+        let known = std::iter::once(&self.sharp).chain(self.fitted.values().map(|set| &set.ar_models));
+        or_alike(ar_models, known)
     }
 
     /// The same of held-out runs.
-    pub(crate) fn held_colours_as_before(&self, colours: Colours) -> Colours {
-        or_alike(colours, self.fitted.values().filter_map(|set| set.held_colours.as_ref()))
+    pub(crate) fn held_ar_models_as_before(&self, ar_models: ArModels) -> ArModels {
+        or_alike(ar_models, self.fitted.values().filter_map(|set| set.held_ar_models.as_ref()))
     }
 
     /// Remembers a set where it stands best, unless the samples have judged it.
@@ -304,9 +304,9 @@ impl Search<'_> {
     }
 }
 
-/// These colours, or the first of those known that are the same.
-fn or_alike<'a>(colours: Colours, mut known: impl Iterator<Item = &'a Colours>) -> Colours {
-    known.find(|known| alike(known, &colours)).cloned().unwrap_or(colours)
+/// These AR models, or the first of those known that agree with them.
+fn or_alike<'a>(ar_models: ArModels, mut known: impl Iterator<Item = &'a ArModels>) -> ArModels {
+    known.find(|known| alike(known, &ar_models)).cloned().unwrap_or(ar_models)
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use whorl_dynamics::Effect;
 use whorl_dynamics::effects::Contribution;
 
 use crate::DiagnosisError;
-use crate::evidence::colour::Colours;
+use crate::evidence::ar_noise::ArModels;
 use crate::evidence::problem::{Dataset, FREE_RATE_WALK, Problem, Trust};
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::Hypothesis;
@@ -18,13 +18,13 @@ use crate::search::climb::Sizes;
 pub(crate) const NO_FIT: DiagnosisError =
     DiagnosisError::NoTrajectory { run: String::new(), what: "the regression has no solution" };
 
-/// Regression of a problem at a point with the columns of a layout. Colours that are not given are those of what all the columns
+/// Regression of a problem at a point with the columns of a layout. AR models that are not given are those of what all the columns
 /// leave together.
 pub(crate) fn dataset(
     problem: &Problem,
     point: &Point,
     layout: &Layout,
-    colours: Option<Colours>,
+    ar_models: Option<ArModels>,
 ) -> Result<Dataset, DiagnosisError> {
     let linearised = problem.linearise(point)?;
     let log_density: f64 = linearised.iter().flat_map(|l| &l.gains.inverse_stddev).map(|s| s.ln()).sum();
@@ -37,7 +37,7 @@ pub(crate) fn dataset(
         .map(|c| if c.base_stddev > 0.0 { 2.0 * c.catalogue_stddev } else { layout.settings.unusual_size })
         .map(|stddev| stddev * stddev)
         .collect();
-    let data = problem.dataset(whitened, layout.columns.len(), &wide, colours);
+    let data = problem.dataset(whitened, layout.columns.len(), &wide, ar_models);
     Ok(Dataset { log_density: data.log_density + log_density, ..data })
 }
 

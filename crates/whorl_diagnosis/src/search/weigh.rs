@@ -139,9 +139,9 @@ impl Search<'_> {
         let mut problem = problem.clone();
         problem.motions = Arc::clone(&set.motions);
         problem.nuisance = noise.sizes;
-        noise.colours = self.colours_as_before(noise.colours);
-        if set.nuisance != noise.sizes || set.data.colours != noise.colours {
-            set.data = dataset(&problem, &set.point, &set.layout, Some(noise.colours))?;
+        noise.ar_models = self.ar_models_as_before(noise.ar_models);
+        if set.nuisance != noise.sizes || set.data.ar_models != noise.ar_models {
+            set.data = dataset(&problem, &set.point, &set.layout, Some(noise.ar_models))?;
             set.nuisance = noise.sizes;
         }
         let of_data = problem.discrepancy(&set.data, &set.point, &set.layout);
@@ -150,8 +150,8 @@ impl Search<'_> {
                 let mut held = held.clone();
                 (held.threads, held.nuisance) = (problem.threads, problem.nuisance);
                 held.smooth(&set.point, Trust::AsDataSay)?;
-                let colours = self.held_colours_as_before(held.colours_at(&set.point)?);
-                let data = dataset(&held, &set.point, &set.layout, Some(colours))?;
+                let ar_models = self.held_ar_models_as_before(held.ar_models_at(&set.point)?);
+                let data = dataset(&held, &set.point, &set.layout, Some(ar_models))?;
                 let of_data = held.discrepancy(&data, &set.point, &set.layout);
                 Some((data, of_data))
             }
@@ -173,9 +173,9 @@ impl Search<'_> {
             ..*best
         };
         let stddevs = deviations(fit, set.layout.columns.len());
-        let held_colours = both.held.map(|(data, _)| data.colours);
+        let held_ar_models = both.held.map(|(data, _)| data.ar_models);
         let Descended { names, point, motions, layout, members, data, .. } = set;
-        let colours = data.colours;
+        let ar_models = data.ar_models;
         Ok(Some(Converged {
             names,
             standing,
@@ -184,8 +184,8 @@ impl Search<'_> {
             layout,
             members,
             stddevs,
-            colours,
-            held_colours,
+            ar_models,
+            held_ar_models,
             judged: None,
         }))
     }

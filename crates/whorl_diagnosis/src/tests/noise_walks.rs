@@ -153,7 +153,7 @@ fn a_gyro_whose_noise_is_coloured_is_no_torque() {
     let found = problem.likeliest_noise(&point, &[], crate::search::climb::Sizes::Any).unwrap();
     assert_eq!(found.sizes, Nuisance::default());
     // Of the sum with white noise: ten times the power at lag zero, 9 x 0.7 of it at lag one.
-    let gyro = &found.colours[0][0];
+    let gyro = &found.ar_models[0][0];
     let correlation = gyro.coefficients.first().copied().unwrap_or(0.0);
     assert!(correlation > 0.3 && gyro.stddev > 1.05, "{gyro:?}");
 }

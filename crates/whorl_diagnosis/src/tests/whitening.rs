@@ -3,7 +3,7 @@
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::generator::record;
-use crate::evidence::colour::Colour;
+use crate::evidence::ar_noise::ArModel;
 use crate::evidence::problem::{Problem, Trust};
 use crate::parameters::Reference;
 
@@ -60,6 +60,6 @@ fn the_true_model_leaves_white_noise() {
         // The noise level is measured from the same data, to a few per cent.
         assert!((power - 1.0).abs() < 0.08 + 5.0 * (2.0 / n).sqrt(), "{component:?}: power {power}");
         assert!(lag.abs() < 4.5 / n.sqrt() + 0.02, "{component:?}: correlation {lag}");
-        assert!(Colour::of(&values, &crate::Settings::default()).coefficients.iter().all(|a| a.abs() < 0.15));
+        assert!(ArModel::of(&values, &crate::Settings::default()).coefficients.iter().all(|a| a.abs() < 0.15));
     }
 }

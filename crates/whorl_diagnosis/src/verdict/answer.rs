@@ -185,14 +185,14 @@ impl Search<'_> {
     /// Noise of each channel of each run over what the model states. Innovations below the measured noise are not its doing.
     fn noise_scales(&self) -> Vec<NoiseScale> {
         let mut scales = Vec::new();
-        for ((run, whitened), colours) in
-            self.problem.runs.iter().zip(&self.data.whitened).zip(&self.data.colours)
+        for ((run, whitened), ar_models) in
+            self.problem.runs.iter().zip(&self.data.whitened).zip(&self.data.ar_models)
         {
             let mut channels: BTreeMap<Component, Vec<f64>> = BTreeMap::new();
             let mut components: Vec<Component> = whitened.reading.clone();
             components.sort_unstable();
             components.dedup();
-            for (component, colour) in components.iter().zip(colours) {
+            for (component, ar_model) in components.iter().zip(ar_models) {
                 let ratio = match component.channel {
                     Channel::Gyro => run.noise.gyro_ratio,
                     Channel::Accelerometer => run.noise.accel_ratio,
@@ -200,7 +200,7 @@ impl Search<'_> {
                     _ => 1.0,
                 };
                 let whole = Component::new(component.channel, component.sensor(), 0);
-                channels.entry(whole).or_default().push(ratio * colour.power.max(1.0).sqrt());
+                channels.entry(whole).or_default().push(ratio * ar_model.power.max(1.0).sqrt());
             }
             scales.extend(channels.into_iter().map(|(component, list)| NoiseScale {
                 run: run.name.clone(),
