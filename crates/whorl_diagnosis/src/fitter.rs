@@ -150,7 +150,7 @@ impl<'a> Fitter<'a> {
         let mut search = Search::at(&mut problem, None, &options, point.clone())?;
         make_columns_for(&mut search, ids)?;
         search.adopt(chosen)?;
-        let found = point_of(search.problem, &search.layout, &search.point, &search.best);
-        Ok((found, Entered::of(&search.layout, &search.best.members)))
+        let found = point_of(search.problem, &search.design, &search.point, &search.best);
+        Ok((found, Entered::of(&search.design, &search.best.members)))
     }
 }

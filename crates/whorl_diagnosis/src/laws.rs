@@ -213,7 +213,7 @@ impl LawBench {
     #[must_use]
     pub fn recorded(&self) -> Recorded {
         let problems = || std::iter::once(&self.problem).chain(&self.held_out);
-        let every = |has: fn(&crate::layout::run::Run) -> bool| problems().all(|p| p.runs.iter().all(has));
+        let every = |has: fn(&crate::bins::run::Run) -> bool| problems().all(|p| p.runs.iter().all(has));
         Recorded {
             pressure: every(|r| r.has_pressure),
             voltage: every(|r| r.has_voltage),
@@ -236,7 +236,7 @@ impl LawBench {
         if let Some(held) = &self.held_out {
             all.add(&self.regression_of(held, first_held, signals)?, 1.0);
         }
-        let base = self.base_layout();
+        let base = self.base_design();
         let own: Vec<usize> = (0..base.columns.len()).collect();
         let precision: Vec<f64> = own.iter().map(|i| 1.0 / base.base_variance(*i).max(1e-12)).collect();
         let alone = |normal: &Normal| -> Result<Normal, DiagnosisError> {
@@ -257,10 +257,10 @@ impl LawBench {
         Ok(LawRegression { all, training, held_out })
     }
 
-    fn base_layout(&self) -> crate::explanations::candidates::Layout {
+    fn base_design(&self) -> crate::explanations::candidates::Design {
         let available = crate::parameters::available::Available::of(&self.problem.runs);
         let lines = crate::explanations::lines::Lines::default();
-        crate::explanations::candidates::Layout::of_effects(
+        crate::explanations::candidates::Design::of_effects(
             &self.problem.reference,
             &self.point,
             &available,
@@ -276,10 +276,10 @@ impl LawBench {
         first: usize,
         signals: &[Vec<LawSignal>],
     ) -> Result<Normal, DiagnosisError> {
-        let layout = self.base_layout();
-        let data = dataset(problem, &self.point, &layout, None)?;
+        let design = self.base_design();
+        let data = dataset(problem, &self.point, &design, None)?;
         let linearised = problem.linearise(&self.point)?;
-        let base = layout.columns.len();
+        let base = design.columns.len();
         let mut normal = Normal::zeros(base + signals.len());
         let all: Vec<usize> = (0..base).collect();
         for (r, run) in problem.runs.iter().enumerate() {
@@ -320,10 +320,10 @@ impl LawBench {
         for set in sets {
             let mut start = Some(search.base.clone());
             for id in set {
-                let candidate = search.layout.candidates.iter().position(|c| c.id == id);
+                let candidate = search.design.candidates.iter().position(|c| c.id == id);
                 start = start
                     .zip(candidate)
-                    .and_then(|(h, c): (Hypothesis, usize)| h.with(&search.layout, &search.data.total, c));
+                    .and_then(|(h, c): (Hypothesis, usize)| h.with(&search.design, &search.data.total, c));
             }
             let Some(start) = start else {
                 weighed.push(None);

@@ -20,7 +20,7 @@ mod evidence;
 mod explanations;
 mod fitter;
 pub mod laws;
-mod layout;
+mod bins;
 mod low_pass;
 mod options;
 mod parameters;
@@ -91,7 +91,7 @@ pub fn diagnose(
     };
     let recordings = (training, held_out);
     let (search, without) = searched(&mut problem, held.as_mut(), recordings, options, progress)?;
-    let Some(late_s) = without.worth_a_new_layout(search.0.problem.reference.late_s, &options.settings)
+    let Some(late_s) = without.worth_new_bins(search.0.problem.reference.late_s, &options.settings)
     else {
         return Ok(noted(answer(search, recordings, progress)?));
     };
@@ -175,7 +175,7 @@ fn delaying(
     let stated = &problem.reference.model;
     match &options.delaying {
         Some(known) => Ok(known.clone()),
-        None if problem.runs.iter().any(layout::run::Run::is_blind) => Ok(stated.clone()),
+        None if problem.runs.iter().any(bins::run::Run::is_blind) => Ok(stated.clone()),
         None => {
             let found = low_pass::without_those_that_do_not_delay(problem, training, options.threads)?;
             Ok(found.unwrap_or_else(|| stated.clone()))

@@ -7,7 +7,7 @@ use whorl_dynamics::{Effect, Gyrostat, ModelPrior, PlatformModel};
 use whorl_prediction::{Fitted, Parameter, Rival, Settings, fit_beside};
 use whorl_recording::Recording;
 
-use crate::explanations::candidates::Layout;
+use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::Member;
 use crate::parameters::available::Available;
 use crate::parameters::{Column, MASS_PROPERTIES, Point, Reference, Target, is_base};
@@ -59,12 +59,12 @@ pub(crate) struct Entered {
 
 impl Entered {
     /// Of the members of a set.
-    pub fn of(layout: &Layout, members: &[Member]) -> BTreeMap<&'static str, Self> {
+    pub fn of(design: &Design, members: &[Member]) -> BTreeMap<&'static str, Self> {
         let entered = |member: &Member| {
-            let columns = member.columns.iter().filter_map(|i| layout.columns.get(*i));
+            let columns = member.columns.iter().filter_map(|i| design.columns.get(*i));
             let indices = columns.filter(|column| column.origin.is_none()).map(|column| column.index);
             let of = Self { indices: indices.collect(), size: member.size };
-            Some((layout.candidates.get(member.candidate)?.id, of))
+            Some((design.candidates.get(member.candidate)?.id, of))
         };
         members.iter().filter_map(entered).collect()
     }

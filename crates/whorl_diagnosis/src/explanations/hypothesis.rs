@@ -2,7 +2,7 @@
 
 use crate::Settings;
 use crate::evidence::regression::{Estimate, Normal};
-use crate::explanations::candidates::Layout;
+use crate::explanations::candidates::Design;
 use crate::parameters::Column;
 
 /// Prior sizes of an effect that are tried, in units of its catalogue prior. A ball bearing has a thousand times the friction
@@ -37,8 +37,8 @@ pub(crate) struct Member {
 }
 
 impl Member {
-    /// The same effect as columns of another layout.
-    pub fn carried(&self, from: &Layout, to: &Layout) -> Option<Self> {
+    /// The same effect as columns of another design matrix.
+    pub fn carried(&self, from: &Design, to: &Design) -> Option<Self> {
         let id = from.candidates.get(self.candidate)?.id;
         let candidate = to.candidates.iter().position(|c| c.id == id)?;
         let old: Vec<_> = self.columns.iter().filter_map(|i| from.columns.get(*i)).collect();
@@ -91,28 +91,28 @@ pub(crate) struct Hypothesis {
 
 impl Hypothesis {
     /// The base model alone.
-    pub fn base(layout: &Layout, normal: &Normal) -> Option<Self> {
-        Self::of(layout, normal, Vec::new())
+    pub fn base(design: &Design, normal: &Normal) -> Option<Self> {
+        Self::of(design, normal, Vec::new())
     }
 
     /// Fits a set of members; columns against their sign constraint leave the fit. `None` when a parameter
     /// would have a value that no such platform can have.
-    pub fn of(layout: &Layout, normal: &Normal, members: Vec<Member>) -> Option<Self> {
-        Self::fitted(layout, normal, members, true)
+    pub fn of(design: &Design, normal: &Normal, members: Vec<Member>) -> Option<Self> {
+        Self::fitted(design, normal, members, true)
     }
 
     /// As [`Self::of`], with no limit on any value.
-    pub fn free(layout: &Layout, normal: &Normal, members: Vec<Member>) -> Option<Self> {
-        Self::fitted(layout, normal, members, false)
+    pub fn free(design: &Design, normal: &Normal, members: Vec<Member>) -> Option<Self> {
+        Self::fitted(design, normal, members, false)
     }
 
-    fn fitted(layout: &Layout, normal: &Normal, mut members: Vec<Member>, limited: bool) -> Option<Self> {
+    fn fitted(design: &Design, normal: &Normal, mut members: Vec<Member>, limited: bool) -> Option<Self> {
         for _ in 0..8 {
-            let mut active = layout.base.clone();
-            let mut variance: Vec<f64> = (0..layout.columns.len()).map(|i| layout.base_variance(i)).collect();
+            let mut active = design.base.clone();
+            let mut variance: Vec<f64> = (0..design.columns.len()).map(|i| design.base_variance(i)).collect();
             for member in &members {
                 for i in &member.columns {
-                    let column = &layout.columns[*i];
+                    let column = &design.columns[*i];
                     variance[*i] += member.prior_stddev(column).powi(2);
                     if column.base_stddev == 0.0 && !active.contains(i) {
                         active.push(*i);
@@ -124,7 +124,7 @@ impl Hypothesis {
             let mut worst: Option<(usize, f64)> = None;
             for member in members.iter().filter(|_| limited) {
                 for i in &member.columns {
-                    let column = &layout.columns[*i];
+                    let column = &design.columns[*i];
                     let value = estimate.of(*i);
                     // A shape that is at the end of its range stays there.
                     let against = if column.base_stddev == 0.0 && column.range.0 > -1e-9 {
@@ -143,7 +143,7 @@ impl Hypothesis {
                 // A size that no such platform can have explains nothing.
                 let implausible = limited
                     && members.iter().flat_map(|m| &m.columns).any(|i| {
-                        let column = &layout.columns[*i];
+                        let column = &design.columns[*i];
                         let value = estimate.of(*i);
                         let slack = 1e-6 * (1.0 + column.range.0.abs().min(column.range.1.abs()));
                         !column.quadratic
@@ -156,18 +156,18 @@ impl Hypothesis {
                 let signs = members
                     .iter()
                     .flat_map(|m| &m.columns)
-                    .filter(|i| layout.columns[**i].base_stddev == 0.0 && layout.columns[**i].range.0 > -1e-9)
+                    .filter(|i| design.columns[**i].base_stddev == 0.0 && design.columns[**i].range.0 > -1e-9)
                     .count();
                 let choices: f64 = members
                     .iter()
-                    .map(|m| (m.options as f64).ln() + price_of_size(m.size, &layout.settings))
+                    .map(|m| (m.options as f64).ln() + price_of_size(m.size, &design.settings))
                     .sum();
                 let log_evidence = estimate.log_evidence - choices + signs as f64 * 2f64.ln();
                 return Some(Self { members, estimate, log_evidence });
             };
             for member in &mut members {
                 // What is left of the effect would be another by its name.
-                let column = layout.columns.get(out).filter(|_| member.columns.contains(&out));
+                let column = design.columns.get(out).filter(|_| member.columns.contains(&out));
                 if column.is_some_and(|c| c.essential) {
                     member.columns.clear();
                 }
@@ -182,11 +182,11 @@ impl Hypothesis {
     }
 
     /// Prior variance of every column under this hypothesis.
-    pub fn variances(&self, layout: &Layout) -> Vec<f64> {
-        let mut variance: Vec<f64> = (0..layout.columns.len()).map(|i| layout.base_variance(i)).collect();
+    pub fn variances(&self, design: &Design) -> Vec<f64> {
+        let mut variance: Vec<f64> = (0..design.columns.len()).map(|i| design.base_variance(i)).collect();
         for member in &self.members {
             for i in &member.columns {
-                if let (Some(slot), Some(column)) = (variance.get_mut(*i), layout.columns.get(*i)) {
+                if let (Some(slot), Some(column)) = (variance.get_mut(*i), design.columns.get(*i)) {
                     *slot += member.prior_stddev(column).powi(2);
                 }
             }
@@ -195,13 +195,13 @@ impl Hypothesis {
     }
 
     /// The best way for one more effect to enter; `None` if it would have to act against its sign.
-    pub fn with(&self, layout: &Layout, normal: &Normal, candidate: usize) -> Option<Self> {
-        let options = &layout.candidates.get(candidate)?.options;
+    pub fn with(&self, design: &Design, normal: &Normal, candidate: usize) -> Option<Self> {
+        let options = &design.candidates.get(candidate)?.options;
         let wanted = self.members.len() + 1;
         let try_one = |columns: &[usize], size: f64| {
             let mut members = self.members.clone();
             members.push(Member { candidate, columns: columns.to_vec(), size, options: options.len() });
-            Self::of(layout, normal, members).filter(|h| h.members.len() == wanted)
+            Self::of(design, normal, members).filter(|h| h.members.len() == wanted)
         };
         let better = |best: Option<Self>, found: Option<Self>| match (best, found) {
             (Some(a), Some(b)) => Some(if b.log_evidence > a.log_evidence { b } else { a }),
@@ -210,7 +210,7 @@ impl Hypothesis {
         // Sizes first at a coarse step for every option, then finely for the best.
         let mut best: Option<Self> = None;
         for columns in options {
-            let of_squares = columns.iter().all(|i| layout.columns.get(*i).is_some_and(|c| c.quadratic));
+            let of_squares = columns.iter().all(|i| design.columns.get(*i).is_some_and(|c| c.quadratic));
             for size in if of_squares { COARSE_ROOTS } else { COARSE_SIZES } {
                 best = better(best, try_one(columns, size));
             }
@@ -225,14 +225,14 @@ impl Hypothesis {
     }
 
     /// The same members, the last of them at the prior size that the data support best.
-    pub fn resized(self, layout: &Layout, normal: &Normal) -> Self {
+    pub fn resized(self, design: &Design, normal: &Normal) -> Self {
         let mut best = self;
         for size in SIZES {
             let mut members = best.members.clone();
             if let Some(last) = members.last_mut() {
                 last.size = size;
             }
-            if let Some(other) = Self::of(layout, normal, members)
+            if let Some(other) = Self::of(design, normal, members)
                 && other.members.len() == best.members.len()
                 && other.log_evidence > best.log_evidence
             {
@@ -243,29 +243,29 @@ impl Hypothesis {
     }
 
     /// Without one of its members.
-    pub fn without(&self, layout: &Layout, normal: &Normal, member: usize) -> Option<Self> {
+    pub fn without(&self, design: &Design, normal: &Normal, member: usize) -> Option<Self> {
         let mut members = self.members.clone();
         if member >= members.len() {
             return None;
         }
         members.remove(member);
-        Self::of(layout, normal, members)
+        Self::of(design, normal, members)
     }
 
     /// Its members' ids, in alphabetical order.
-    pub fn names(&self, layout: &Layout) -> Vec<String> {
+    pub fn names(&self, design: &Design) -> Vec<String> {
         let mut names: Vec<String> = self
             .members
             .iter()
-            .filter_map(|m| layout.candidates.get(m.candidate).map(|c| c.id.to_owned()))
+            .filter_map(|m| design.candidates.get(m.candidate).map(|c| c.id.to_owned()))
             .collect();
         names.sort();
         names
     }
 
     /// Fits the same members to other data.
-    pub fn refitted(&self, layout: &Layout, normal: &Normal) -> Option<Self> {
-        Self::of(layout, normal, self.members.clone())
+    pub fn refitted(&self, design: &Design, normal: &Normal) -> Option<Self> {
+        Self::of(design, normal, self.members.clone())
     }
 }
 
@@ -290,21 +290,21 @@ mod tests {
             ..Lines::default()
         };
         let available = Available { body: true, bin_s: 0.04, ..Available::default() };
-        let layout =
-            Layout::of_effects(&reference, &reference.point(), &available, &["flexible_mode"], &lines);
-        let own = layout.candidates[0]
+        let design =
+            Design::of_effects(&reference, &reference.point(), &available, &["flexible_mode"], &lines);
+        let own = design.candidates[0]
             .options
             .iter()
             .flatten()
             .copied()
-            .find(|i| layout.columns[*i].origin.as_ref().is_some_and(|o| (o[3] - 2.5).abs() < 1e-9))
+            .find(|i| design.columns[*i].origin.as_ref().is_some_and(|o| (o[3] - 2.5).abs() < 1e-9))
             .unwrap();
         // The data know the square to +-6.
-        let mut normal = Normal::zeros(layout.columns.len());
+        let mut normal = Normal::zeros(design.columns.len());
         normal.matrix[(own, own)] = 1.0 / 36.0;
         normal.vector[own] = 40.0 / 36.0;
-        let base = Hypothesis::base(&layout, &normal).unwrap();
-        let found = base.with(&layout, &normal, 0).unwrap();
+        let base = Hypothesis::base(&design, &normal).unwrap();
+        let found = base.with(&design, &normal, 0).unwrap();
         assert_eq!(found.members[0].columns, [own]);
         assert!((found.estimate.of(own) - 40.0).abs() < 6.0, "{}", found.estimate.of(own));
         assert!(found.log_evidence - base.log_evidence > 10.0);

@@ -35,7 +35,7 @@ struct Spectra {
 }
 
 fn spectra(place: Place<'_>, of: &Hypothesis) -> Vec<Spectra> {
-    let estimate = of.estimate.spread(place.layout.columns.len());
+    let estimate = of.estimate.spread(place.design.columns.len());
     let data = place.problem.runs.iter().zip(place.problem.motions.iter()).zip(&place.data.whitened);
     data.filter(|((run, _), _)| !run.clamped && run.nodes() >= 64)
         .map(|((run, motion), whitened)| {

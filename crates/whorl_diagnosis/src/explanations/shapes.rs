@@ -7,9 +7,9 @@ use whorl_math::{azimuth_rad, vertical_b};
 use whorl_prediction::Push;
 
 use crate::explanations::place::Place;
-use crate::layout::motion::Motion;
-use crate::layout::run::{Run, Wheels};
-use crate::layout::torques::Torques;
+use crate::bins::motion::Motion;
+use crate::bins::run::{Run, Wheels};
+use crate::bins::torques::Torques;
 
 /// A variable, and its shape as odd or even.
 pub(crate) struct Shape {

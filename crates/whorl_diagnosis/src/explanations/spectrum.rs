@@ -42,7 +42,7 @@ pub(crate) struct Peak {
 /// Finds lines in the whitened residual of the gyro, about axes of the room and of the body: torques that
 /// have a rhythm of their own, or that of a wheel.
 pub(crate) fn lines(place: Place<'_>, of: &Hypothesis) -> Lines {
-    let estimate = of.estimate.spread(place.layout.columns.len());
+    let estimate = of.estimate.spread(place.design.columns.len());
     // Of each run: the residual at every node about axes of the body, and of each wheel's speed.
     let mut residuals: Vec<Residual> = Vec::new();
     let wheels = place.problem.reference.model.wheels().len();
@@ -218,7 +218,7 @@ impl Spectrum {
         }
     }
 
-    /// Peaks that stand out of their surroundings, from frequency `from` on.
+    /// Peaks that stand out of the spectrum beside them, from frequency `from` on.
     pub fn peaks(&self, step: f64, from: f64) -> Vec<Peak> {
         let power = &self.power;
         let mut peaks = Vec::new();
@@ -234,7 +234,7 @@ impl Spectrum {
             }
             let (low, high) = (m.saturating_sub(40).max(1), (m + 41).min(power.len()));
             let median = median(power[low..high].iter().copied());
-            // Noise alone: a sum of exponential variates of mean 1. Louder surroundings count as noise.
+            // Noise alone: a sum of exponential variates of mean 1. A louder spectrum on both sides counts as noise.
             let level = (median / (degrees - 1.0 / 3.0)).max(1.0);
             let significance = gamma_significance(here / level, degrees);
             if significance < NOTICED {

@@ -41,7 +41,7 @@ impl Search<'_> {
         names: Vec<String>,
         noise: Nuisance,
     ) -> Result<(), DiagnosisError> {
-        let id_of = |m: &Member| of.layout.candidates.get(m.candidate).map(|c| c.id);
+        let id_of = |m: &Member| of.design.candidates.get(m.candidate).map(|c| c.id);
         let is_kept = |id: &str| names.iter().any(|name| name == id);
         let members: Vec<_> = of.members.iter().filter(|m| id_of(m).is_some_and(is_kept)).cloned().collect();
         let ids: Vec<&'static str> = members.iter().filter_map(id_of).collect();
@@ -50,7 +50,7 @@ impl Search<'_> {
         let mut problem = self.problem.clone();
         problem.motions = Arc::clone(&of.motions);
         problem.nuisance = noise;
-        let from = Begin { point, layout: of.layout.clone(), members };
+        let from = Begin { point, design: of.design.clone(), members };
         if let Some(found) = self.fitted_with(problem, from, &ids, f64::NEG_INFINITY, Sizes::Any)? {
             self.remember(found);
         }

@@ -15,12 +15,12 @@ use crate::evidence::ar_noise::{ArModels, alike};
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::{Dataset, Problem, Trust};
 use crate::evidence::regression::{Estimate, Normal};
-use crate::explanations::candidates::Layout;
+use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::{Hypothesis, Member};
 use crate::explanations::lines::Lines;
 use crate::explanations::physical::between;
-use crate::layout::motion::Motion;
-use crate::layout::run::Run;
+use crate::bins::motion::Motion;
+use crate::bins::run::Run;
 use crate::parameters::Point;
 use crate::search::Search;
 use crate::search::climb::{Noise, Sizes};
@@ -50,7 +50,7 @@ pub(crate) struct Descended {
     pub nuisance: Nuisance,
     pub point: Point,
     pub motions: Arc<Vec<Motion>>,
-    pub layout: Layout,
+    pub design: Design,
     pub members: Vec<Member>,
     /// Errors of formulas not integrated out.
     pub data: Dataset,
@@ -60,7 +60,7 @@ pub(crate) struct Descended {
 #[derive(Clone)]
 pub(super) struct Begin {
     pub point: Point,
-    pub layout: Layout,
+    pub design: Design,
     pub members: Vec<Member>,
 }
 
@@ -70,23 +70,23 @@ pub(super) struct Begin {
 /// `follows` in any case: to further data.
 pub(crate) fn at_itself(
     search: &Search<'_>,
-    layout: &Layout,
+    design: &Design,
     total: &Normal,
     fit: &Hypothesis,
     point: &Point,
     follows: bool,
 ) -> Option<(f64, Point)> {
     let reference = &search.problem.reference;
-    let variances = fit.variances(layout);
+    let variances = fit.variances(design);
     let variance = |i: usize| variances[i].max(1e-12);
     let (shapes, others): (Vec<usize>, Vec<usize>) =
-        fit.estimate.active.iter().partition(|i| layout.columns[**i].is_shape);
+        fit.estimate.active.iter().partition(|i| design.columns[**i].is_shape);
     let follows = follows || !shapes.is_empty();
-    let mut at = DVector::zeros(layout.columns.len());
+    let mut at = DVector::zeros(design.columns.len());
     let mut penalty = 0.0;
     // What has left the fit stays where it is, too.
-    for i in (0..layout.columns.len()).filter(|i| !(follows && others.contains(i))) {
-        at[i] = reference.distance(point, &layout.columns[i]);
+    for i in (0..design.columns.len()).filter(|i| !(follows && others.contains(i))) {
+        at[i] = reference.distance(point, &design.columns[i]);
         if fit.estimate.active.contains(&i) {
             penalty += at[i] * at[i] / variance(i);
         }
@@ -101,7 +101,7 @@ pub(crate) fn at_itself(
     let followed = Estimate::new(&left, &others, variance)?;
     let mut there = point.clone();
     for &i in &others {
-        let column = &layout.columns[i];
+        let column = &design.columns[i];
         there = reference.moved(&there, column, followed.of(i) - reference.distance(point, column));
     }
     Some((left.sum_of_squares - followed.drop + penalty, reference.towards(point, there)))
@@ -131,7 +131,7 @@ impl Search<'_> {
         let ids: Vec<&'static str> = start
             .members
             .iter()
-            .filter_map(|m| self.layout.candidates.get(m.candidate).map(|c| c.id))
+            .filter_map(|m| self.design.candidates.get(m.candidate).map(|c| c.id))
             .collect();
         // Along a motion of its own.
         let mut problem = self.problem.clone();
@@ -190,7 +190,7 @@ impl Search<'_> {
             let noise = problem.likeliest_noise(&descended.point, &of_others, sizes)?;
             from = Begin {
                 point: descended.point.clone(),
-                layout: descended.layout.clone(),
+                design: descended.design.clone(),
                 members: descended.members.clone(),
             };
             let is_settled =
@@ -222,9 +222,9 @@ impl Search<'_> {
 
     /// Where a set that holds in the present regression begins its fit.
     fn begin(&self, start: &Hypothesis, ids: &[&'static str]) -> Begin {
-        let mut point = point_of(self.problem, &self.layout, &self.point, start);
+        let mut point = point_of(self.problem, &self.design, &self.point, start);
         self.keep_only(&mut point, ids);
-        Begin { point, layout: self.layout.clone(), members: start.members.clone() }
+        Begin { point, design: self.design.clone(), members: start.members.clone() }
     }
 
     /// Effects that have left a set leave its point.
@@ -247,16 +247,16 @@ impl Search<'_> {
         mut ar_models: Option<ArModels>,
     ) -> Result<Option<Descended>, DiagnosisError> {
         let settings = &self.options.settings;
-        let Begin { mut point, mut layout, mut members } = from;
+        let Begin { mut point, mut design, mut members } = from;
         let entered_as_place = members.last().is_some_and(|m| {
-            let of_last = m.columns.iter().filter_map(|i| layout.columns.get(*i));
+            let of_last = m.columns.iter().filter_map(|i| design.columns.get(*i));
             of_last.clone().any(|c| c.origin.is_some()) && of_last.flat_map(|c| &c.step).all(|s| *s == 0.0)
         });
         let mut best: Option<Descended> = None;
         let (mut share, mut target): (f64, Option<Point>) = (1.0, None);
         // A set that holds the present best one starts from there, with a misfit that is known.
         let (anchor, first) = (self.point.clone(), point.clone());
-        let of_best = self.best.names(&self.layout);
+        let of_best = self.best.names(&self.design);
         let holds_best = is_first && of_best.iter().all(|own| ids.contains(&own.as_str()));
         let mut allowed = self
             .standing(&self.best)
@@ -267,25 +267,25 @@ impl Search<'_> {
         for step in 0..MOST_STEPS {
             let trust = if is_first && step == 0 { Trust::AsDataSay } else { Trust::AsBefore };
             let here =
-                Layout::of_effects(&self.problem.reference, &point, &self.available, ids, &Lines::default());
+                Design::of_effects(&self.problem.reference, &point, &self.available, ids, &Lines::default());
             let smoothed = problem.smooth(&point, trust);
             let made = smoothed.and_then(|()| dataset(problem, &point, &here, ar_models.clone()));
             let Some(data) = DiagnosisError::possible(made)? else { break };
             // Misfits are comparable only with the same AR models.
             ar_models = Some(data.ar_models.clone());
-            members = members.iter().filter_map(|m| m.carried(&layout, &here)).collect();
-            layout = here;
-            let (total, gained) = problem.integrated(&data, &point, &layout, self.relative_error);
-            let Some(mut fit) = Hypothesis::of(&layout, &total, members.clone()) else { break };
+            members = members.iter().filter_map(|m| m.carried(&design, &here)).collect();
+            design = here;
+            let (total, gained) = problem.integrated(&data, &point, &design, self.relative_error);
+            let Some(mut fit) = Hypothesis::of(&design, &total, members.clone()) else { break };
             if fit.members.len() < ids.len() {
                 break;
             }
             // A place on a grid has become a value: how far it is from neutral, no column has said before.
             if step == 0 && entered_as_place {
-                fit = fit.resized(&layout, &total);
+                fit = fit.resized(&design, &total);
                 members.clone_from(&fit.members);
             }
-            let Some((misfit, here)) = at_itself(self, &layout, &total, &fit, &point, false) else {
+            let Some((misfit, here)) = at_itself(self, &design, &total, &fit, &point, false) else {
                 break;
             };
             // What has not come round once in any run is a drift, and periodic by name only.
@@ -320,18 +320,18 @@ impl Search<'_> {
             let promised = misfit - (total.sum_of_squares - fit.estimate.drop);
             // Occam's factor and the price of choices, beside the likelihood.
             let factor = fit.log_evidence - 0.5 * fit.estimate.drop + data.log_density + gained;
-            let next = point_of(self.problem, &layout, &point, &fit);
+            let next = point_of(self.problem, &design, &point, &fit);
             let log_evidence = factor - 0.5 * misfit;
             promise = promised;
             best = Some(Descended {
-                names: fit.names(&layout),
+                names: fit.names(&design),
                 log_evidence,
                 misfit,
                 promise: promised.max(0.0),
                 nuisance: problem.nuisance,
                 point: here.clone(),
                 motions: Arc::clone(&problem.motions),
-                layout: layout.clone(),
+                design: design.clone(),
                 members: fit.members.clone(),
                 data,
             });

@@ -201,7 +201,7 @@ impl Search<'_> {
         let known = self.fitted.get(&names).cloned();
         let set = known.unwrap_or_else(|| {
             let mut set = Converged { names: names.clone(), judged: None, ..most.clone() };
-            let id = |member: &Member| set.layout.candidates.get(member.candidate).map(|c| c.id);
+            let id = |member: &Member| set.design.candidates.get(member.candidate).map(|c| c.id);
             let is_kept = |member: &Member| id(member).is_some_and(|id| names.iter().any(|name| name == id));
             let members: Vec<Member> = set.members.iter().filter(|m| is_kept(m)).cloned().collect();
             let ids: Vec<&'static str> = members.iter().filter_map(id).collect();

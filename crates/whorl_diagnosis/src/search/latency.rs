@@ -48,21 +48,21 @@ impl Late {
         let best = evidence(search.standing(&search.best)).unwrap_or(search.best.log_evidence);
         let others = search.fitted.values().filter(|c| !holds_latency(&c.names));
         let rival = others.map(|c| c.standing.log_evidence).fold(base, f64::max);
-        let holds_latency = holds_latency(&search.best.names(&search.layout));
+        let holds_latency = holds_latency(&search.best.names(&search.design));
         let with = if holds_latency { best } else { search.late.map_or(base, |late| late.log_evidence) };
         let late_s = search.late.map(|late| late.late_s);
         Self { late_s, with, best, base, lead: with - rival, holds_latency }
     }
 
     /// The latency, if it is a good explanation and far from that with which the recordings were laid out.
-    pub fn worth_a_new_layout(&self, laid_out_s: f64, settings: &Settings) -> Option<f64> {
+    pub fn worth_new_bins(&self, laid_out_s: f64, settings: &Settings) -> Option<f64> {
         let is_good = self.with - self.base > settings.doubt_nats
             && self.best - self.with < settings.latency_near_share * (self.best - self.base).max(0.0);
         self.late_s.filter(|late_s| is_good && (late_s - laid_out_s).abs() > FAR_S)
     }
 
     /// Whether the latency is better than all else in the mean of recordings laid out for it, which these are, and of
-    /// those laid out without: each layout favours its own, alike.
+    /// those laid out without: each choice of bins favours its own, alike.
     pub fn explains_more_than_others(&self, without: &Self, settings: &Settings) -> bool {
         self.holds_latency && self.lead + without.lead > 2.0 * settings.doubt_nats
     }

@@ -9,7 +9,7 @@ use crate::diagnosis::FittedSet;
 use crate::evidence::ar_noise::ArModels;
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::{Dataset, Problem, Trust};
-use crate::explanations::candidates::Layout;
+use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::{Hypothesis, Member};
 use crate::explanations::lines::Lines;
 use crate::explanations::place::Place;
@@ -47,7 +47,7 @@ pub(crate) struct Search<'a> {
     pub point: Point,
     /// Relative error of formulas that is integrated out of the present regression.
     pub relative_error: f64,
-    pub layout: Layout,
+    pub design: Design,
     pub data: Dataset,
     pub held_data: Option<Dataset>,
     pub base: Hypothesis,
@@ -90,15 +90,15 @@ impl<'a> Search<'a> {
     ) -> Result<Self, DiagnosisError> {
         let available = Available::of(&problem.runs);
         let lines = Lines::default();
-        let layout = Layout::new(&problem.reference, &point, &available, &options.exclude, &lines, false);
-        let data = dataset(problem, &point, &layout, None)?;
-        let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
+        let design = Design::new(&problem.reference, &point, &available, &options.exclude, &lines, false);
+        let data = dataset(problem, &point, &design, None)?;
+        let base = Hypothesis::base(&design, &data.total).ok_or(NO_FIT)?;
         let sharp = if problem.nuisance == Nuisance::default() {
             data.ar_models.clone()
         } else {
             let mut quiet = problem.clone();
             quiet.nuisance = Nuisance::default();
-            dataset(&quiet, &point, &layout, None)?.ar_models
+            dataset(&quiet, &point, &design, None)?.ar_models
         };
         Ok(Self {
             problem,
@@ -111,7 +111,7 @@ impl<'a> Search<'a> {
             sharp,
             point,
             relative_error: 0.0,
-            layout,
+            design,
             data,
             held_data: None,
             best: base.clone(),
@@ -132,14 +132,14 @@ impl<'a> Search<'a> {
             available: &self.available,
             lines: &self.lines,
             turning: &self.turning,
-            layout: &self.layout,
+            design: &self.design,
             data: &self.data,
         }
     }
 
     /// The full regression at the present point, along the present motion.
     pub(crate) fn regress(&mut self) -> Result<(), DiagnosisError> {
-        self.layout = Layout::new(
+        self.design = Design::new(
             &self.problem.reference,
             &self.point,
             &self.available,
@@ -150,8 +150,8 @@ impl<'a> Search<'a> {
         // The old columns make room for the new ones.
         self.data.whitened = Vec::new();
         self.held_data = None;
-        self.data = regression_at(self.problem, &self.point, &self.layout, self.relative_error)?;
-        self.base = Hypothesis::base(&self.layout, &self.data.total).ok_or(NO_FIT)?;
+        self.data = regression_at(self.problem, &self.point, &self.design, self.relative_error)?;
+        self.base = Hypothesis::base(&self.design, &self.data.total).ok_or(NO_FIT)?;
         Ok(())
     }
 
@@ -159,7 +159,7 @@ impl<'a> Search<'a> {
     pub(crate) fn regress_held(&mut self) -> Result<(), DiagnosisError> {
         if let Some(held) = &mut self.held_out {
             held.smooth(&self.point, Trust::AsDataSay)?;
-            self.held_data = Some(regression_at(held, &self.point, &self.layout, self.relative_error)?);
+            self.held_data = Some(regression_at(held, &self.point, &self.design, self.relative_error)?);
         }
         Ok(())
     }
@@ -176,11 +176,11 @@ impl<'a> Search<'a> {
 
     /// Every effect added in turn to a hypothesis that does not hold it, best first.
     pub fn additions(&self, to: &Hypothesis) -> Vec<Hypothesis> {
-        let free: Vec<usize> = (0..self.layout.candidates.len())
+        let free: Vec<usize> = (0..self.design.candidates.len())
             .filter(|c| to.members.iter().all(|m| m.candidate != *c))
             .collect();
         let mut found: Vec<Hypothesis> =
-            crate::threads::map(self.problem.threads, &free, |c| to.with(&self.layout, &self.data.total, *c))
+            crate::threads::map(self.problem.threads, &free, |c| to.with(&self.design, &self.data.total, *c))
                 .into_iter()
                 .flatten()
                 .collect();
@@ -280,7 +280,7 @@ impl<'a> Search<'a> {
 
     /// Ends where the most probable set fits best.
     pub(crate) fn settle_most_probable(&mut self) -> Result<(), DiagnosisError> {
-        let best = self.best.names(&self.layout);
+        let best = self.best.names(&self.design);
         let (nuisance, point) = (self.problem.nuisance, &self.point);
         let is_there =
             |c: &&Converged| c.names == best && c.standing.nuisance == nuisance && c.point == *point;
@@ -300,12 +300,12 @@ impl<'a> Search<'a> {
         }
         let mut rivals: Vec<Hypothesis> = Vec::new();
         for (at, member) in self.best.members.iter().enumerate() {
-            let Some(rest) = self.best.without(&self.layout, &self.data.total, at) else { continue };
+            let Some(rest) = self.best.without(&self.design, &self.data.total, at) else { continue };
             let declared =
-                self.layout.candidates.get(member.candidate).map(|c| c.effect.info().confusable_with);
+                self.design.candidates.get(member.candidate).map(|c| c.effect.info().confusable_with);
             for swap in self.additions(&rest) {
                 let id =
-                    swap.members.last().and_then(|m| self.layout.candidates.get(m.candidate)).map(|c| c.id);
+                    swap.members.last().and_then(|m| self.design.candidates.get(m.candidate)).map(|c| c.id);
                 if id.is_some_and(|id| declared.is_some_and(|list| list.contains(&id))) {
                     rivals.push(swap);
                 } else {
@@ -316,7 +316,7 @@ impl<'a> Search<'a> {
                 all.push(rest);
             }
         }
-        let weight = |h: &Hypothesis| h.log_evidence + log_prior(&h.names(&self.layout), settings);
+        let weight = |h: &Hypothesis| h.log_evidence + log_prior(&h.names(&self.design), settings);
         let is_new = |h: &Hypothesis| {
             // One that did not come to its minimum may from here.
             let is_finished = self.standing(h).is_some_and(|s| s.promise < 2.0 * settings.unfinished_nats);
@@ -326,14 +326,14 @@ impl<'a> Search<'a> {
         // What adds nothing loses by little more than its prior, and there are dozens of such.
         let is_larger = |h: &Hypothesis| h.members.len() > self.best.members.len();
         let window = |h: &Hypothesis| if is_larger(h) { settings.doubt_nats } else { settings.window_nats };
-        let is_open = |h: &Hypothesis| is_new(h) && !self.is_ruled_out(&h.names(&self.layout));
+        let is_open = |h: &Hypothesis| is_new(h) && !self.is_ruled_out(&h.names(&self.design));
         all.retain(|h| weight(h) > leading - window(h) && is_open(h));
         all.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
         let mut names: Vec<Vec<String>> = Vec::new();
         let mut chosen: Vec<Hypothesis> = Vec::new();
         rivals.retain(is_open);
         for h in all.into_iter().take(MOST_PROPOSALS).chain(rivals) {
-            let own = h.names(&self.layout);
+            let own = h.names(&self.design);
             if !names.contains(&own) {
                 names.push(own);
                 chosen.push(h);
@@ -359,7 +359,7 @@ impl<'a> Search<'a> {
             .collect();
         let total = &self.data.total;
         crate::threads::map(self.problem.threads, &pairs, |(a, b)| {
-            self.base.with(&self.layout, total, *a)?.with(&self.layout, total, *b)
+            self.base.with(&self.design, total, *a)?.with(&self.design, total, *b)
         })
         .into_iter()
         .flatten()
@@ -370,7 +370,7 @@ impl<'a> Search<'a> {
     /// Makes the columns of lines and hidden states where something is missing.
     fn open_hidden(&mut self, progress: &mut dyn FnMut(Progress)) -> Result<(), DiagnosisError> {
         let additions = self.additions(&self.base);
-        let left = rest(self.problem, &self.data, &self.layout, &self.base);
+        let left = rest(self.problem, &self.data, &self.design, &self.base);
         self.lines = crate::explanations::spectrum::lines(self.place(), &self.base);
         let settings = &self.options.settings;
         let faint =
@@ -394,19 +394,19 @@ impl<'a> Search<'a> {
     /// both phases of that torque: a peak's height does not say that it has one phase in every run.
     fn has_faint_line(&mut self) -> Result<bool, DiagnosisError> {
         let hz = std::mem::take(&mut self.lines.faint_hz);
-        let mut candidates = self.layout.candidates.iter();
+        let mut candidates = self.design.candidates.iter();
         let periodic = candidates.find(|c| c.effect.rhythm() == Some(Rhythm::Torque)).map(|c| c.id);
         let Some(periodic) = periodic.filter(|_| !hz.is_empty()) else { return Ok(false) };
         let lines = Lines { torque_hz: hz.clone(), ..Lines::default() };
-        let layout =
-            Layout::of_effects(&self.problem.reference, &self.point, &self.available, &[periodic], &lines);
-        let data = dataset(self.problem, &self.point, &layout, None)?;
-        let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
+        let design =
+            Design::of_effects(&self.problem.reference, &self.point, &self.available, &[periodic], &lines);
+        let data = dataset(self.problem, &self.point, &design, None)?;
+        let base = Hypothesis::base(&design, &data.total).ok_or(NO_FIT)?;
         let mut worth: Vec<(f64, f64)> = Vec::new();
-        for (columns, hz) in layout.candidates.iter().flat_map(|c| &c.options).zip(hz) {
+        for (columns, hz) in design.candidates.iter().flat_map(|c| &c.options).zip(hz) {
             let member = Member { candidate: 0, columns: columns.clone(), size: 0.1, options: 1 };
-            let Some(fit) = Hypothesis::of(&layout, &data.total, vec![member]) else { continue };
-            let evidence = fit.resized(&layout, &data.total).log_evidence
+            let Some(fit) = Hypothesis::of(&design, &data.total, vec![member]) else { continue };
+            let evidence = fit.resized(&design, &data.total).log_evidence
                 - base.log_evidence
                 - self.problem.frequencies().ln();
             if evidence > 0.0 {
@@ -423,7 +423,7 @@ impl<'a> Search<'a> {
     /// The kind of the first member.
     pub fn kind(&self) -> Option<String> {
         let member = self.best.members.first()?;
-        let candidate = self.layout.candidates.get(member.candidate)?;
+        let candidate = self.design.candidates.get(member.candidate)?;
         Some(candidate.effect.info().kind.to_string())
     }
 }

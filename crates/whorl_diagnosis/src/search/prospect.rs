@@ -107,7 +107,7 @@ pub fn prospects(
     go_to_leading(&mut search, explanations)?;
     let total = &search.data.total;
     let rivals: Vec<Hypothesis> = explanations.iter().filter_map(|set| explanation(&search, set)).collect();
-    let nothing = Normal::zeros(search.layout.columns.len());
+    let nothing = Normal::zeros(search.design.columns.len());
     let weights = weights(&search, &rivals);
     let mut now = prospect(&search, total, &nothing, &rivals, &weights);
     let mut weights_now: Vec<f64> = rivals.iter().map(|h| weight(&search, h)).collect();
@@ -161,7 +161,7 @@ fn go_to_leading(search: &mut Search<'_>, explanations: &[Vec<String>]) -> Resul
     }
     search.held_out = further;
     if let Some(held) = &search.held_out {
-        let data = regression_at(held, &search.point, &search.layout, search.relative_error)?;
+        let data = regression_at(held, &search.point, &search.design, search.relative_error)?;
         search.held_data = Some(data);
     }
     Ok(())
@@ -183,15 +183,15 @@ fn probability_of_telling(lead: (f64, f64), sure: f64) -> f64 {
 
 /// Log posterior of an explanation in the present regression, up to a constant.
 fn weight(search: &Search<'_>, hypothesis: &Hypothesis) -> f64 {
-    hypothesis.log_evidence + log_prior(&hypothesis.names(&search.layout), &search.options.settings)
+    hypothesis.log_evidence + log_prior(&hypothesis.names(&search.design), &search.options.settings)
 }
 
 /// A set of effects fitted to the data at hand; `None` if they cannot enter.
 fn explanation(search: &Search<'_>, set: &[String]) -> Option<Hypothesis> {
     let mut found = search.base.clone();
     for id in set {
-        let candidate = search.layout.candidates.iter().position(|c| c.id == id.as_str())?;
-        found = found.with(&search.layout, &search.data.total, candidate)?;
+        let candidate = search.design.candidates.iter().position(|c| c.id == id.as_str())?;
+        found = found.with(&search.design, &search.data.total, candidate)?;
     }
     Some(found)
 }
@@ -202,13 +202,13 @@ const MOST_WAYS: usize = 32;
 /// An explanation fitted to other data. An effect that can enter in several ways (a cable at any heading, damped or not)
 /// enters in the one that these data like best.
 fn chosen_anew(search: &Search<'_>, hypothesis: &Hypothesis, data: &Normal) -> Option<Hypothesis> {
-    let same = hypothesis.refitted(&search.layout, data);
-    let ways = |candidate: usize| search.layout.candidates.get(candidate).map_or(0, |c| c.options.len());
+    let same = hypothesis.refitted(&search.design, data);
+    let ways = |candidate: usize| search.design.candidates.get(candidate).map_or(0, |c| c.options.len());
     if !hypothesis.members.iter().all(|m| (1..=MOST_WAYS).contains(&ways(m.candidate))) {
         return same;
     }
-    let anew = hypothesis.members.iter().try_fold(Hypothesis::base(&search.layout, data)?, |set, m| {
-        set.with(&search.layout, data, m.candidate)
+    let anew = hypothesis.members.iter().try_fold(Hypothesis::base(&search.design, data)?, |set, m| {
+        set.with(&search.design, data, m.candidate)
     });
     [same, anew].into_iter().flatten().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
 }
@@ -232,8 +232,8 @@ fn prospect(
         // What the added data are expected to hold if this one is true.
         let mut expected = data.clone();
         expected.matrix += &added.matrix;
-        expected.vector += &added.matrix * hypothesis.estimate.spread(search.layout.columns.len());
-        let base = Hypothesis::base(&search.layout, &expected);
+        expected.vector += &added.matrix * hypothesis.estimate.spread(search.design.columns.len());
+        let base = Hypothesis::base(&search.design, &expected);
         let fitted = |h: &Hypothesis| chosen_anew(search, h, &expected).or_else(|| base.clone());
         let Some(own) = fitted(hypothesis) else { continue };
         let leads: Vec<(f64, f64)> = rivals
@@ -253,13 +253,13 @@ fn prospect(
     let mut both = data.clone();
     both.matrix += &added.matrix;
     let (mut shown, mut not_shown) = (Vec::new(), Vec::new());
-    for candidate in &search.layout.candidates {
+    for candidate in &search.design.candidates {
         if candidate.effect.is_base() {
             continue;
         }
         let columns = candidate.options.first().map_or(&[][..], Vec::as_slice);
         let largest =
-            columns.iter().filter_map(|i| search.layout.detectability(&both, *i)).fold(0.0, f64::max);
+            columns.iter().filter_map(|i| search.design.detectability(&both, *i)).fold(0.0, f64::max);
         let list = if largest > settings.clear_misfit { &mut shown } else { &mut not_shown };
         list.push(candidate.id.to_owned());
     }

@@ -2,18 +2,18 @@
 
 use crate::evidence::excess::{Power, WINDOWS_S, powers};
 use crate::evidence::problem::{Dataset, Problem};
-use crate::explanations::candidates::Layout;
+use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::Hypothesis;
 
 /// Slow power of all runs with a hypothesis.
 pub(crate) fn rest(
     problem: &Problem,
     data: &Dataset,
-    layout: &Layout,
+    design: &Design,
     hypothesis: &Hypothesis,
 ) -> [Power; WINDOWS_S.len()] {
     let mut total = [Power::default(); WINDOWS_S.len()];
-    for of_run in rest_by_run(problem, data, layout, hypothesis) {
+    for of_run in rest_by_run(problem, data, design, hypothesis) {
         for (sum, power) in total.iter_mut().zip(of_run) {
             sum.add(power);
         }
@@ -24,10 +24,10 @@ pub(crate) fn rest(
 fn rest_by_run(
     problem: &Problem,
     data: &Dataset,
-    layout: &Layout,
+    design: &Design,
     hypothesis: &Hypothesis,
 ) -> Vec<[Power; WINDOWS_S.len()]> {
-    let estimate = hypothesis.estimate.spread(layout.columns.len());
+    let estimate = hypothesis.estimate.spread(design.columns.len());
     problem
         .runs
         .iter()

@@ -179,7 +179,7 @@ impl Search<'_> {
         let mut at = fit.fitted.at.clone();
         let own: Vec<usize> = (0..at.len()).collect();
         let mut offered = Vec::new();
-        for candidate in &self.layout.candidates {
+        for candidate in &self.design.candidates {
             if names.iter().any(|name| name == candidate.id) {
                 continue;
             }
@@ -211,7 +211,7 @@ impl Search<'_> {
     /// The ways in which a candidate may enter with some of these columns; all of them where none is told.
     fn options_of(&self, candidate: &Candidate, columns: &[Column], of_it: Vec<usize>) -> Vec<Vec<usize>> {
         let place = |i: &usize| {
-            let own = self.layout.columns.get(*i)?;
+            let own = self.design.columns.get(*i)?;
             of_it.iter().copied().find(|k| own.origin.is_none() && columns[*k].index == own.index)
         };
         let placed = |option: &Vec<usize>| -> Vec<usize> { option.iter().filter_map(place).collect() };
@@ -268,11 +268,11 @@ impl Search<'_> {
             return Ok(Some(known.clone()));
         }
         let members: Vec<Member> =
-            set.members.iter().filter_map(|m| m.carried(&set.layout, &self.layout)).collect();
-        let candidate = self.layout.candidates.iter().position(|candidate| candidate.id == id);
-        let start = Hypothesis::of(&self.layout, &self.data.total, members)
+            set.members.iter().filter_map(|m| m.carried(&set.design, &self.design)).collect();
+        let candidate = self.design.candidates.iter().position(|candidate| candidate.id == id);
+        let start = Hypothesis::of(&self.design, &self.data.total, members)
             .zip(candidate)
-            .and_then(|(start, candidate)| start.with(&self.layout, &self.data.total, candidate));
+            .and_then(|(start, candidate)| start.with(&self.design, &self.data.total, candidate));
         let Some(start) = start else { return Ok(None) };
         Ok(self.converge(&start)?.filter(|found| found.names == names))
     }
@@ -280,7 +280,7 @@ impl Search<'_> {
 
 /// How effects enter a fit: as bins found them, and with what the samples ask for.
 pub(crate) fn entered(set: &Converged, asked: Option<&Asked>) -> BTreeMap<&'static str, Entered> {
-    let mut all = Entered::of(&set.layout, &set.members);
+    let mut all = Entered::of(&set.design, &set.members);
     if let Some(asked) = asked {
         let own = all.entry(asked.id).or_insert_with(|| asked.entered.clone());
         own.indices.extend(&asked.entered.indices);

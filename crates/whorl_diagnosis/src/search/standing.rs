@@ -10,9 +10,9 @@ use crate::DiagnosisError;
 use crate::evidence::ar_noise::{ArModels, alike};
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::regression::Normal;
-use crate::explanations::candidates::Layout;
+use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::{Hypothesis, Member};
-use crate::layout::motion::Motion;
+use crate::bins::motion::Motion;
 use crate::parameters::{Column, Point, Reference};
 use crate::refit::Refit;
 use crate::search::Search;
@@ -98,9 +98,9 @@ pub(crate) struct Converged {
     pub standing: Standing,
     pub point: Point,
     pub motions: Arc<Vec<Motion>>,
-    pub layout: Layout,
+    pub design: Design,
     pub members: Vec<Member>,
-    /// Standard deviation of each column of the layout, in its units; 0 = it takes no part.
+    /// Standard deviation of each column of the design matrix, in its units; 0 = it takes no part.
     pub stddevs: Vec<f64>,
     /// ArModels beside which it was weighed, of training runs
     pub ar_models: ArModels,
@@ -179,7 +179,7 @@ impl Converged {
 
     /// Log posterior, up to a constant.
     pub fn log_posterior(&self) -> f64 {
-        let settings = &self.layout.settings;
+        let settings = &self.design.settings;
         self.standing.worth(settings) + log_prior(&self.names, settings)
     }
 }
@@ -196,11 +196,11 @@ impl Search<'_> {
         }
         self.regress()?;
         let members: Vec<Member> =
-            converged.members.iter().filter_map(|m| m.carried(&converged.layout, &self.layout)).collect();
+            converged.members.iter().filter_map(|m| m.carried(&converged.design, &self.design)).collect();
         self.best =
-            Hypothesis::of(&self.layout, &self.data.total, members).unwrap_or_else(|| self.base.clone());
+            Hypothesis::of(&self.design, &self.data.total, members).unwrap_or_else(|| self.base.clone());
         // What does not stand where it was fitted explains nothing.
-        if self.best.names(&self.layout) != converged.names {
+        if self.best.names(&self.design) != converged.names {
             self.forget(&converged.names);
         }
         Ok(())
@@ -284,7 +284,7 @@ impl Search<'_> {
 
     /// A set where it fits best, if it was fitted there.
     pub(crate) fn fitted(&self, set: &Hypothesis) -> Option<&Converged> {
-        self.fitted.get(&set.names(&self.layout))
+        self.fitted.get(&set.names(&self.design))
     }
 
     /// Standing of a set, if it was fitted at a point of its own.

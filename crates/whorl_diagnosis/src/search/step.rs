@@ -9,7 +9,7 @@ use whorl_dynamics::effects::Contribution;
 use crate::DiagnosisError;
 use crate::evidence::ar_noise::ArModels;
 use crate::evidence::problem::{Dataset, FREE_RATE_WALK, Problem, Trust};
-use crate::explanations::candidates::Layout;
+use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::Hypothesis;
 use crate::parameters::available::Available;
 use crate::parameters::{Point, Target};
@@ -18,26 +18,26 @@ use crate::search::climb::Sizes;
 pub(crate) const NO_FIT: DiagnosisError =
     DiagnosisError::NoTrajectory { run: String::new(), what: "the regression has no solution" };
 
-/// Regression of a problem at a point with the columns of a layout. AR models that are not given are those of what all the columns
+/// Regression of a problem at a point with the columns of a design matrix. AR models that are not given are those of what all the columns
 /// leave together.
 pub(crate) fn dataset(
     problem: &Problem,
     point: &Point,
-    layout: &Layout,
+    design: &Design,
     ar_models: Option<ArModels>,
 ) -> Result<Dataset, DiagnosisError> {
     let linearised = problem.linearise(point)?;
     let log_density: f64 = linearised.iter().flat_map(|l| &l.gains.inverse_stddev).map(|s| s.ln()).sum();
-    let whitened = problem.respond(&linearised, point, &layout.columns)?;
+    let whitened = problem.respond(&linearised, point, &design.columns)?;
     // As large as some dozen columns.
     drop(linearised);
-    let wide: Vec<f64> = layout
+    let wide: Vec<f64> = design
         .columns
         .iter()
-        .map(|c| if c.base_stddev > 0.0 { 2.0 * c.catalogue_stddev } else { layout.settings.unusual_size })
+        .map(|c| if c.base_stddev > 0.0 { 2.0 * c.catalogue_stddev } else { design.settings.unusual_size })
         .map(|stddev| stddev * stddev)
         .collect();
-    let data = problem.dataset(whitened, layout.columns.len(), &wide, ar_models);
+    let data = problem.dataset(whitened, design.columns.len(), &wide, ar_models);
     Ok(Dataset { log_density: data.log_density + log_density, ..data })
 }
 
@@ -45,21 +45,21 @@ pub(crate) fn dataset(
 pub(crate) fn regression_at(
     problem: &Problem,
     point: &Point,
-    layout: &Layout,
+    design: &Design,
     relative_error: f64,
 ) -> Result<Dataset, DiagnosisError> {
-    let mut data = dataset(problem, point, layout, None)?;
-    let (total, log_density) = problem.integrated(&data, point, layout, relative_error);
+    let mut data = dataset(problem, point, design, None)?;
+    let (total, log_density) = problem.integrated(&data, point, design, relative_error);
     data.total = total;
     data.log_density += log_density;
     Ok(data)
 }
 
 /// Values of effects whose directions lead to them together.
-fn joined(layout: &Layout, fit: &Hypothesis) -> Vec<(&'static str, Vec<f64>)> {
+fn joined(design: &Design, fit: &Hypothesis) -> Vec<(&'static str, Vec<f64>)> {
     let mut of_effect: BTreeMap<&'static str, (&'static dyn Effect, Vec<Contribution<'_>>)> = BTreeMap::new();
     for &i in &fit.estimate.active {
-        let Some(column) = layout.columns.get(i) else { continue };
+        let Some(column) = design.columns.get(i) else { continue };
         if let (Target::Effect(effect), Some(origin)) = (column.target, column.origin.as_deref()) {
             let amount = fit.estimate.of(i) * column.scale;
             let contribution = Contribution { name: &column.name, origin, amount };
@@ -71,11 +71,11 @@ fn joined(layout: &Layout, fit: &Hypothesis) -> Vec<(&'static str, Vec<f64>)> {
 }
 
 /// The point of a fit.
-pub(crate) fn point_of(problem: &Problem, layout: &Layout, from: &Point, fit: &Hypothesis) -> Point {
+pub(crate) fn point_of(problem: &Problem, design: &Design, from: &Point, fit: &Hypothesis) -> Point {
     let mut point = from.clone();
     // Effects that start from an origin of their own come first, then all else moves from there.
     for &i in &fit.estimate.active {
-        let Some(column) = layout.columns.get(i) else { continue };
+        let Some(column) = design.columns.get(i) else { continue };
         let value = fit.estimate.of(i);
         let distance = problem.reference.distance(from, column);
         let units = match column.quadratic {
@@ -84,7 +84,7 @@ pub(crate) fn point_of(problem: &Problem, layout: &Layout, from: &Point, fit: &H
         };
         point = problem.reference.moved(&point, column, units);
     }
-    point.effects.extend(joined(layout, fit));
+    point.effects.extend(joined(design, fit));
     problem.reference.towards(from, point)
 }
 
@@ -102,10 +102,10 @@ pub(crate) fn base_point_with(
         if let Some(held) = held_out {
             held.nuisance = problem.nuisance;
         }
-        let layout = base_layout(problem, &available);
-        let data = dataset(problem, &point, &layout, None)?;
-        let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
-        point = point_of(problem, &layout, &point, &base);
+        let design = base_design(problem, &available);
+        let data = dataset(problem, &point, &design, None)?;
+        let base = Hypothesis::base(&design, &data.total).ok_or(NO_FIT)?;
+        point = point_of(problem, &design, &point, &base);
         smooth_all(problem, held_out, &point, trust)?;
     }
     problem.settle_stops()?;
@@ -115,11 +115,11 @@ pub(crate) fn base_point_with(
     Ok(point)
 }
 
-fn base_layout(problem: &Problem, available: &Available) -> Layout {
+fn base_design(problem: &Problem, available: &Available) -> Design {
     let columns = problem.reference.base_columns(available);
     let columns: Vec<_> = columns.into_iter().filter(|c| c.base_stddev > 0.0).collect();
     let base = (0..columns.len()).collect();
-    Layout { columns, base, candidates: Vec::new(), settings: problem.reference.settings }
+    Design { columns, base, candidates: Vec::new(), settings: problem.reference.settings }
 }
 
 pub(crate) fn smooth_all(

@@ -14,7 +14,7 @@ use crate::DiagnosisError;
 use crate::evidence::discrepancy::{Discrepancy, Signal};
 use crate::evidence::problem::{Dataset, Problem, Trust};
 use crate::evidence::regression::Normal;
-use crate::explanations::candidates::Layout;
+use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::Hypothesis;
 use crate::parameters::{Column, Point, Target, is_base};
 use crate::search::Search;
@@ -38,9 +38,9 @@ fn input_of(problem: &Problem, column: &Column) -> Option<usize> {
 impl Problem {
     /// The signals that may differ slowly from their formulas: of each effect that a point holds, of the jets together and
     /// of each wheel.
-    pub(crate) fn signals(&self, point: &Point, layout: &Layout) -> Vec<Signal> {
+    pub(crate) fn signals(&self, point: &Point, design: &Design) -> Vec<Signal> {
         let mut named: Vec<(String, Signal)> = Vec::new();
-        for (i, column) in layout.columns.iter().enumerate() {
+        for (i, column) in design.columns.iter().enumerate() {
             let Target::Effect(effect) = column.target else { continue };
             let (name, size) = if let Some(input) = input_of(self, column) {
                 // All of the signal: a relative change by one.
@@ -72,11 +72,11 @@ impl Problem {
     }
 
     /// What is needed to integrate over errors of formulas in a regression at a point.
-    pub(crate) fn discrepancy(&self, data: &Dataset, point: &Point, layout: &Layout) -> Discrepancy {
-        let node_s: Vec<f64> = self.runs.iter().map(crate::layout::run::Run::node_s).collect();
-        let signals = self.signals(point, layout);
+    pub(crate) fn discrepancy(&self, data: &Dataset, point: &Point, design: &Design) -> Discrepancy {
+        let node_s: Vec<f64> = self.runs.iter().map(crate::bins::run::Run::node_s).collect();
+        let signals = self.signals(point, design);
         let block_s = self.reference.settings.model_discrepancy_s;
-        Discrepancy::new(&data.whitened, &node_s, &signals, layout.columns.len(), block_s, self.threads)
+        Discrepancy::new(&data.whitened, &node_s, &signals, design.columns.len(), block_s, self.threads)
     }
 
     /// The normal equations of a regression with errors of formulas of this relative size integrated out, and what the
@@ -85,13 +85,13 @@ impl Problem {
         &self,
         data: &Dataset,
         point: &Point,
-        layout: &Layout,
+        design: &Design,
         relative_error: f64,
     ) -> (Normal, f64) {
         if relative_error <= 0.0 {
             return (data.total.clone(), 0.0);
         }
-        self.discrepancy(data, point, layout).integrated(&data.total, relative_error)
+        self.discrepancy(data, point, design).integrated(&data.total, relative_error)
     }
 }
 
@@ -141,18 +141,18 @@ impl Search<'_> {
         problem.nuisance = noise.sizes;
         noise.ar_models = self.ar_models_as_before(noise.ar_models);
         if set.nuisance != noise.sizes || set.data.ar_models != noise.ar_models {
-            set.data = dataset(&problem, &set.point, &set.layout, Some(noise.ar_models))?;
+            set.data = dataset(&problem, &set.point, &set.design, Some(noise.ar_models))?;
             set.nuisance = noise.sizes;
         }
-        let of_data = problem.discrepancy(&set.data, &set.point, &set.layout);
+        let of_data = problem.discrepancy(&set.data, &set.point, &set.design);
         let held = match self.held_out.as_deref() {
             Some(held) => {
                 let mut held = held.clone();
                 (held.threads, held.nuisance) = (problem.threads, problem.nuisance);
                 held.smooth(&set.point, Trust::AsDataSay)?;
                 let ar_models = self.held_ar_models_as_before(held.ar_models_at(&set.point)?);
-                let data = dataset(&held, &set.point, &set.layout, Some(ar_models))?;
-                let of_data = held.discrepancy(&data, &set.point, &set.layout);
+                let data = dataset(&held, &set.point, &set.design, Some(ar_models))?;
+                let of_data = held.discrepancy(&data, &set.point, &set.design);
                 Some((data, of_data))
             }
             None => None,
@@ -172,16 +172,16 @@ impl Search<'_> {
             log_evidence: best.log_evidence + sum.ln() - choices + problem.log_prior(set.nuisance),
             ..*best
         };
-        let stddevs = deviations(fit, set.layout.columns.len());
+        let stddevs = deviations(fit, set.design.columns.len());
         let held_ar_models = both.held.map(|(data, _)| data.ar_models);
-        let Descended { names, point, motions, layout, members, data, .. } = set;
+        let Descended { names, point, motions, design, members, data, .. } = set;
         let ar_models = data.ar_models;
         Ok(Some(Converged {
             names,
             standing,
             point,
             motions,
-            layout,
+            design,
             members,
             stddevs,
             ar_models,
@@ -193,19 +193,19 @@ impl Search<'_> {
     /// How a set stands with formulas that err by so much, and its fit to the training data.
     fn standing_with(&self, both: &Both<'_>, relative_error: f64) -> Option<(Standing, Hypothesis)> {
         let set = both.set;
-        let layout = &set.layout;
+        let design = &set.design;
         let (training, log_density, all, log_density_of_all) = both.integrated(relative_error);
-        let own = Hypothesis::free(layout, &training, set.members.clone())?;
-        let (misfit, at) = at_itself(self, layout, &training, &own, &set.point, false)?;
-        let joint = Hypothesis::of(layout, &all, set.members.clone())?.resized(layout, &all);
+        let own = Hypothesis::free(design, &training, set.members.clone())?;
+        let (misfit, at) = at_itself(self, design, &training, &own, &set.point, false)?;
+        let joint = Hypothesis::of(design, &all, set.members.clone())?.resized(design, &all);
         if joint.members.len() < set.members.len() {
             return None;
         }
-        let (joint_misfit, _) = at_itself(self, layout, &all, &joint, &at, true)?;
+        let (joint_misfit, _) = at_itself(self, design, &all, &joint, &at, true)?;
         // Occam's factor and the price of choices, beside the likelihood.
         let occam = joint.log_evidence - 0.5 * joint.estimate.drop;
-        let mut values = DVector::zeros(layout.columns.len());
-        for (slot, column) in values.iter_mut().zip(&layout.columns) {
+        let mut values = DVector::zeros(design.columns.len());
+        for (slot, column) in values.iter_mut().zip(&design.columns) {
             *slot = self.problem.reference.distance(&at, column);
         }
         let held_log_likelihood = both.held.as_ref().map(|_| {

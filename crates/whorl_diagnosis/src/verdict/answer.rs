@@ -26,7 +26,7 @@ impl Search<'_> {
     /// The slow residual before and after.
     pub(crate) fn slow_residual(&self) -> SlowResidual {
         let rms = |problem: &Problem, data: &Dataset, hypothesis: &Hypothesis| {
-            momentum_rms(&rest(problem, data, &self.layout, hypothesis))
+            momentum_rms(&rest(problem, data, &self.design, hypothesis))
         };
         let held = |hypothesis: &Hypothesis| match (&self.held_out, &self.held_data) {
             (Some(problem), Some(data)) => Some(rms(problem, data, hypothesis)),
@@ -43,11 +43,11 @@ impl Search<'_> {
     /// One row of the table for a hypothesis' last member, against the hypothesis without it.
     fn row(&self, with: &Hypothesis, without: &Hypothesis, member: usize) -> Option<Candidate> {
         let member = with.members.get(member)?;
-        let candidate = self.layout.candidates.get(member.candidate)?;
+        let candidate = self.design.candidates.get(member.candidate)?;
         let covariance = with.estimate.covariance();
         let mut parameters: Vec<ParameterEstimate> = Vec::new();
         for &i in &member.columns {
-            let column = self.layout.columns.get(i)?;
+            let column = self.design.columns.get(i)?;
             let Some(at) = with.estimate.active.iter().position(|a| *a == i) else { continue };
             let stddev = covariance[(at, at)].max(0.0).sqrt();
             let own = self.estimate_of(column, with.estimate.value[at], stddev);
@@ -93,14 +93,14 @@ impl Search<'_> {
             }
         }
         // What is left of the signal when the base follows it as well as it can within its prior.
-        let mut signal = crate::evidence::regression::Normal::zeros(self.layout.columns.len());
-        for a in 0..self.layout.columns.len() {
+        let mut signal = crate::evidence::regression::Normal::zeros(self.design.columns.len());
+        for a in 0..self.design.columns.len() {
             signal.vector[a] = columns.iter().map(|j| normal.matrix[(a, *j)] * fit.estimate.of(*j)).sum();
         }
         signal.matrix.copy_from(&normal.matrix);
-        let base: Vec<usize> = self.layout.base.iter().copied().filter(|i| !columns.contains(i)).collect();
+        let base: Vec<usize> = self.design.base.iter().copied().filter(|i| !columns.contains(i)).collect();
         let followed =
-            Estimate::new(&signal, &base, |i| self.layout.base_variance(i)).map_or(0.0, |e| e.drop);
+            Estimate::new(&signal, &base, |i| self.design.base_variance(i)).map_or(0.0, |e| e.drop);
         if alone > 0.0 { (followed / alone).clamp(0.0, 1.0) } else { 0.0 }
     }
 
@@ -136,7 +136,7 @@ impl Search<'_> {
         let best = self.fitted(&self.best).map(Converged::log_posterior);
         if let (Some((unknown, log_evidence)), Some(best)) = (rhythm.clone(), best) {
             all.push(Weighted {
-                effects: self.best.names(&self.layout),
+                effects: self.best.names(&self.design),
                 unknown: Some(unknown),
                 is_law: true,
                 log_posterior: best + settings.unmodelled.ln() + log_evidence,
@@ -149,7 +149,7 @@ impl Search<'_> {
             // Errors of sensors may come and go too fast to leave a slow rest.
             && !self.best.members.is_empty()
             // A line may be that of a torque of another kind, although nothing slow is left.
-            && !self.best.names(&self.layout).iter().any(|id| find(id).is_some_and(|e| e.rhythm().is_some()));
+            && !self.best.names(&self.design).iter().any(|id| find(id).is_some_and(|e| e.rhythm().is_some()));
         if !is_clean {
             self.lines = crate::explanations::spectrum::lines(self.place(), &self.best);
             let mut anchors = vec![self.best.clone()];
@@ -220,18 +220,18 @@ impl Search<'_> {
             return Vec::new();
         }
         let mut odd = Vec::new();
-        let mut total = crate::evidence::regression::Normal::zeros(self.layout.columns.len());
+        let mut total = crate::evidence::regression::Normal::zeros(self.design.columns.len());
         self.data.blocks.iter().for_each(|block| total.add(block, 1.0));
         for (r, run) in self.problem.runs.iter().enumerate() {
             // Fitted without the run, does the model predict it as well as a fit that has seen it?
             let blocks = &self.data.blocks[r * BLOCKS_PER_RUN..(r + 1) * BLOCKS_PER_RUN];
             let mut others = total.clone();
-            let mut own = crate::evidence::regression::Normal::zeros(self.layout.columns.len());
+            let mut own = crate::evidence::regression::Normal::zeros(self.design.columns.len());
             for block in blocks {
                 others.add(block, -1.0);
                 own.add(block, 1.0);
             }
-            let fits = [&total, &others, &own].map(|data| self.best.refitted(&self.layout, data));
+            let fits = [&total, &others, &own].map(|data| self.best.refitted(&self.design, data));
             let [Some(of_all), Some(of_others), Some(of_own)] = &fits else { continue };
             let parameters = of_all.estimate.active.len() as f64;
             // What is known from the others counts as far as it is known.
@@ -265,7 +265,7 @@ impl Search<'_> {
     fn rows(&self) -> Vec<Candidate> {
         let mut candidates: Vec<Candidate> = Vec::new();
         for member in 0..self.best.members.len() {
-            if let Some(rest) = self.best.without(&self.layout, &self.data.total, member)
+            if let Some(rest) = self.best.without(&self.design, &self.data.total, member)
                 && let Some(mut row) = self.row(&self.best, &rest, member)
             {
                 if let Some(parameters) = self.averaged(&self.best, member) {
@@ -285,8 +285,8 @@ impl Search<'_> {
     pub(crate) fn answer(&mut self, training: &[Recording]) -> Result<Diagnosis, DiagnosisError> {
         let mut candidates = self.rows();
         let slow_residual = self.slow_residual();
-        let before = rest(self.problem, &self.data, &self.layout, &self.base);
-        let after = rest(self.problem, &self.data, &self.layout, &self.best);
+        let before = rest(self.problem, &self.data, &self.design, &self.base);
+        let after = rest(self.problem, &self.data, &self.design, &self.best);
         let worst_before = worst(&before);
         let share = if before[worst_before].excess() > 0.0 {
             1.0 - after[worst_before].excess().max(0.0) / before[worst_before].excess()
@@ -299,7 +299,7 @@ impl Search<'_> {
         let mut remarks: Vec<String> =
             self.problem.runs.iter().flat_map(|r| r.remarks.iter().cloned()).collect();
         let mut direct: Vec<Candidate> = self.digital().into_iter().chain(self.gimbal_drag()).collect();
-        let at = point_of(self.problem, &self.layout, &self.point, &self.best);
+        let at = point_of(self.problem, &self.design, &self.point, &self.best);
         let seen = fast_effects(self.place(), &at, &self.options.exclude);
         self.turning = seen.turning;
         direct.extend(seen.rows);
@@ -403,14 +403,14 @@ impl Search<'_> {
     fn could_have_seen(&self) -> bool {
         let normal = &self.data.total;
         let (mut seen, mut tested) = (0, 0);
-        for candidate in &self.layout.candidates {
+        for candidate in &self.design.candidates {
             let Some(columns) = candidate.options.first() else { continue };
             if candidate.effect.is_base() {
                 continue;
             }
             tested += 1;
             let largest =
-                columns.iter().filter_map(|i| self.layout.detectability(normal, *i)).fold(0.0, f64::max);
+                columns.iter().filter_map(|i| self.design.detectability(normal, *i)).fold(0.0, f64::max);
             if largest > self.options.settings.clear_misfit {
                 seen += 1;
             }

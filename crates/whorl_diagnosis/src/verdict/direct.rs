@@ -19,7 +19,7 @@ fn contradicting_power(problem: &Problem, point: &Point) -> Option<f64> {
 impl Search<'_> {
     /// The gyro against the other sensors, if no motion at all fits both.
     pub(crate) fn contradiction(&self) -> Option<Unknown> {
-        let point = point_of(self.problem, &self.layout, &self.point, &self.best);
+        let point = point_of(self.problem, &self.design, &self.point, &self.best);
         contradicting_power(self.problem, &point).map(|power| Unknown {
             variable: "gyro_rate".to_owned(),
             frame: "body".to_owned(),

@@ -15,11 +15,11 @@ impl Search<'_> {
                 continue;
             }
             let found = self
-                .layout
+                .design
                 .candidates
                 .iter()
                 .position(|c| c.id == id)
-                .and_then(|c| self.best.with(&self.layout, &self.data.total, c));
+                .and_then(|c| self.best.with(&self.design, &self.data.total, c));
             // Against its sign constraint it stays at its neutral value: there is nothing to adopt.
             let Some(next) = found else {
                 return Err(DiagnosisError::NoEffect { id: id.to_owned() });
@@ -36,7 +36,7 @@ impl Search<'_> {
     /// The moment of inertia that the best explanation has moved beyond belief, if one is: data of another platform
     /// bend the model until something is named, and whatever that is, it is not what the model lacks.
     pub(crate) fn beyond_belief(&self) -> Option<String> {
-        let point = point_of(self.problem, &self.layout, &self.point, &self.best);
+        let point = point_of(self.problem, &self.design, &self.point, &self.best);
         let (reference, settings) = (&self.problem.reference, &self.options.settings);
         let inertia = reference.model.mass_properties.inertia_b_kg_m2();
         (0..3).zip(["xx", "yy", "zz"]).zip(point.moments).find_map(|((axis, name), moved)| {

@@ -17,8 +17,8 @@ use whorl_dynamics::Effect;
 use whorl_dynamics::effects::{Part, Sighting, catalogue};
 
 use crate::diagnosis::{Candidate, ParameterEstimate};
-use crate::layout::motion::Motion;
-use crate::layout::run::Run;
+use crate::bins::motion::Motion;
+use crate::bins::run::Run;
 use crate::search::Search;
 
 /// Share of its largest rate below which the sense of a gimbal's rate is noise.

@@ -41,8 +41,8 @@ impl Search<'_> {
     /// Parameters of a member of a set, averaged over the ways in which it can enter.
     pub(crate) fn averaged(&self, set: &Hypothesis, at: usize) -> Option<Vec<ParameterEstimate>> {
         let member = set.members.get(at)?;
-        let candidate = self.layout.candidates.get(member.candidate)?;
-        let column = |i: &usize| self.layout.columns.get(*i);
+        let candidate = self.design.candidates.get(member.candidate)?;
+        let column = |i: &usize| self.design.columns.get(*i);
         if member.columns.iter().filter_map(column).any(|c| c.origin.is_some()) {
             return None;
         }
@@ -51,7 +51,7 @@ impl Search<'_> {
         let options: Vec<Vec<usize>> = if is_shaped {
             vec![member.columns.clone()]
         } else {
-            whole_parts(&candidate.options, &self.layout.columns)
+            whole_parts(&candidate.options, &self.design.columns)
         };
         // Noise that is slower or larger than taken for, and what even the best set leaves, widen all intervals.
         let left = self.slow_residual().after.max(1.0);
@@ -62,7 +62,7 @@ impl Search<'_> {
                 let mut members = set.members.clone();
                 let slot = members.get_mut(at)?;
                 (slot.columns, slot.size) = (columns.clone(), size);
-                Hypothesis::of(&self.layout, &self.data.total, members)
+                Hypothesis::of(&self.design, &self.data.total, members)
                     .filter(|h| h.members.len() == set.members.len())
             };
             let evidence = [0.3, 1.0, 3.0]
@@ -75,7 +75,7 @@ impl Search<'_> {
                 (slot.columns, slot.size) = (columns.clone(), WIDE * member.size);
             }
             // Signs are kept below, as what they are: knowledge about the values.
-            let wide = Hypothesis::free(&self.layout, &self.data.total, members);
+            let wide = Hypothesis::free(&self.design, &self.data.total, members);
             if let Some(wide) = wide.filter(|_| evidence.is_finite()) {
                 choices.push((evidence, wide));
             }
@@ -84,7 +84,7 @@ impl Search<'_> {
         choices.retain(|c| c.0 > best - NO_WEIGHT);
         let sum: f64 = choices.iter().map(|c| (c.0 - best).exp()).sum();
         // Of every column: probability to be in, mean, mean square.
-        let mut moments = vec![(0.0, 0.0, 0.0); self.layout.columns.len()];
+        let mut moments = vec![(0.0, 0.0, 0.0); self.design.columns.len()];
         for (evidence, fit) in &choices {
             let probability = (evidence - best).exp() / sum;
             let own = fit.members.get(at).map_or(&[][..], |m| m.columns.as_slice());
@@ -108,7 +108,7 @@ impl Search<'_> {
             }
         }
         let mut parameters = Vec::new();
-        for (column, (probability, mean, square)) in self.layout.columns.iter().zip(moments) {
+        for (column, (probability, mean, square)) in self.design.columns.iter().zip(moments) {
             if probability < LEAST_PROBABILITY {
                 continue;
             }

@@ -64,7 +64,7 @@ impl Search<'_> {
             }
             None => {
                 let stddevs = set.stddevs.iter().copied();
-                let columns: Vec<_> = set.layout.columns.iter().zip(stddevs).filter(|c| c.1 > 0.0).collect();
+                let columns: Vec<_> = set.design.columns.iter().zip(stddevs).filter(|c| c.1 > 0.0).collect();
                 parameters_of(reference, &set.point, &set.names, &columns)
             }
         };

@@ -10,8 +10,8 @@
 use nalgebra::Vector3;
 
 use crate::DiagnosisError;
-use crate::layout::motion::Motion;
-use crate::layout::run::Run;
+use crate::bins::motion::Motion;
+use crate::bins::run::Run;
 use crate::search::Search;
 use crate::whitening::columns::predict;
 use crate::whitening::mechanics::Mechanics;
@@ -56,7 +56,7 @@ pub(crate) fn pulses(search: &Search<'_>) -> Result<Option<String>, DiagnosisErr
     if runs.is_empty() {
         return Ok(None);
     }
-    let point = crate::search::step::point_of(search.problem, &search.layout, &search.point, &search.best);
+    let point = crate::search::step::point_of(search.problem, &search.design, &search.point, &search.best);
     let mechanics = Mechanics::new(&search.problem.reference.model_at(&point)?)?;
     let mut scales = [Curvature::default(); 3];
     let mut names: Vec<&str> = Vec::new();

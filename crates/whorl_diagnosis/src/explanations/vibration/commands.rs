@@ -8,7 +8,7 @@
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::Fast;
-use crate::layout::run::Run;
+use crate::bins::run::Run;
 use crate::whitening::mechanics::Mechanics;
 
 /// Samples by which an answer may lag behind the pulses.

@@ -14,8 +14,8 @@ use whorl_trajectory::noise::typical_step_s;
 use crate::Settings;
 use crate::diagnosis::{Candidate, ParameterEstimate};
 use crate::explanations::place::Place;
-use crate::layout::motion::Motion;
-use crate::layout::run::Run;
+use crate::bins::motion::Motion;
+use crate::bins::run::Run;
 use crate::parameters::Point;
 use crate::whitening::columns::predict;
 use crate::whitening::mechanics::Mechanics;
@@ -83,7 +83,7 @@ impl<'a> Fast<'a> {
         Some(fast)
     }
 
-    /// Takes the mean of the surroundings off a series of the gyro or of the accelerometer, from this sample on.
+    /// Takes the local mean off a series of the gyro or of the accelerometer, from this sample on.
     fn fast_part(&self, values: &mut [f64], sensor: usize, from: usize) {
         let there = &self.there[sensor][from..from + values.len()];
         fast_part(values, there, self.step_s, half_window_s(&self.settings));
@@ -146,7 +146,7 @@ fn half_window_s(settings: &Settings) -> f64 {
     0.6 / settings.slowest_vibration_hz
 }
 
-/// Takes the mean of the surroundings off every value.
+/// Takes the local mean off every value.
 fn fast_part(values: &mut [f64], there: &[bool], step_s: f64, half_window_s: f64) {
     let half = (half_window_s / step_s).round().max(2.0) as usize;
     let mut sums = Vec::with_capacity(values.len() + 1);
@@ -201,7 +201,7 @@ pub(crate) struct Seen {
 /// Fast effects that the samples show about a model at a point: an unbalanced wheel, a vibration.
 pub(crate) fn fast_effects(place: Place<'_>, point: &Point, exclude: &[String]) -> Seen {
     let tested = |id: &str| {
-        place.layout.candidates.iter().any(|c| c.id == id)
+        place.design.candidates.iter().any(|c| c.id == id)
             || (!exclude.iter().any(|e| e == id) && !place.problem.reference.model.effects.contains_key(id))
     };
     let Some(mechanics) = place.problem.reference.model_at(point).ok().and_then(|m| Mechanics::new(&m).ok())

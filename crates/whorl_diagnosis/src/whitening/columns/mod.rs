@@ -12,9 +12,9 @@ use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_recording::{Channel, Component};
 
 use crate::DiagnosisError;
-use crate::layout::inputs::Inputs;
-use crate::layout::motion::Motion;
-use crate::layout::run::Run;
+use crate::bins::inputs::Inputs;
+use crate::bins::motion::Motion;
+use crate::bins::run::Run;
 use crate::parameters::{Point, Reference};
 use crate::whitening::filter::{Gains, RATE, System, WHEEL, across};
 use crate::whitening::mechanics::{Mechanics, Prediction};

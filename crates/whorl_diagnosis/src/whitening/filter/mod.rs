@@ -17,8 +17,8 @@ mod square;
 use nalgebra::Vector3;
 use whorl_recording::Component;
 
-use crate::layout::motion::Motion;
-use crate::layout::run::Run;
+use crate::bins::motion::Motion;
+use crate::bins::run::Run;
 use crate::whitening::mechanics::{Mechanics, Prediction};
 
 pub(crate) use linear::Linear;

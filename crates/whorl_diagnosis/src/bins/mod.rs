@@ -6,5 +6,5 @@ pub(crate) mod jitter;
 pub(crate) mod motion;
 pub(crate) mod noise;
 pub(crate) mod run;
-pub(crate) mod surroundings;
+pub(crate) mod environment;
 pub(crate) mod torques;

@@ -1,7 +1,7 @@
 //! How large the torques were that turned platform and wheels.
 
-use crate::layout::motion::Motion;
-use crate::layout::run::Run;
+use crate::bins::motion::Motion;
+use crate::bins::run::Run;
 
 /// Root mean square of the torques that were at work.
 #[derive(Debug, Clone, Default)]
