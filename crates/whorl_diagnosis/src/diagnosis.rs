@@ -47,7 +47,7 @@ pub struct ParameterEstimate {
 pub struct Candidate {
     /// Id in the catalogue.
     pub effect: String,
-    /// Log evidence gained by adding it to the chosen set; for a member of the set, lost by removing it.
+    /// Log evidence gained by adding it to the chosen set; for a term of the set, lost by removing it.
     pub delta_log_evidence: f64,
     /// Log likelihood gained on data that did not take part in its fit; > 0 = predicts better.
     pub held_out_gain: f64,

@@ -151,6 +151,6 @@ impl<'a> Fitter<'a> {
         make_columns_for(&mut search, ids)?;
         search.adopt(chosen)?;
         let found = point_of(search.problem, &search.design, &search.point, &search.best);
-        Ok((found, Entered::of(&search.design, &search.best.members)))
+        Ok((found, Entered::of(&search.design, &search.best.terms)))
     }
 }

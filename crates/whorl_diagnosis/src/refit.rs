@@ -8,7 +8,7 @@ use whorl_prediction::{Fitted, Parameter, Rival, Settings, fit_beside};
 use whorl_recording::Recording;
 
 use crate::explanations::candidates::Design;
-use crate::explanations::hypothesis::Member;
+use crate::explanations::hypothesis::Term;
 use crate::parameters::available::Available;
 use crate::parameters::{Column, MASS_PROPERTIES, Point, Reference, Target, is_base};
 use crate::{DiagnosisError, Options};
@@ -58,15 +58,15 @@ pub(crate) struct Entered {
 }
 
 impl Entered {
-    /// Of the members of a set.
-    pub fn of(design: &Design, members: &[Member]) -> BTreeMap<&'static str, Self> {
-        let entered = |member: &Member| {
-            let columns = member.columns.iter().filter_map(|i| design.columns.get(*i));
+    /// Of the terms of a set.
+    pub fn of(design: &Design, terms: &[Term]) -> BTreeMap<&'static str, Self> {
+        let entered = |term: &Term| {
+            let columns = term.columns.iter().filter_map(|i| design.columns.get(*i));
             let indices = columns.filter(|column| column.origin.is_none()).map(|column| column.index);
-            let of = Self { indices: indices.collect(), size: member.size };
-            Some((design.candidates.get(member.candidate)?.id, of))
+            let of = Self { indices: indices.collect(), size: term.size };
+            Some((design.candidates.get(term.candidate)?.id, of))
         };
-        members.iter().filter_map(entered).collect()
+        terms.iter().filter_map(entered).collect()
     }
 }
 

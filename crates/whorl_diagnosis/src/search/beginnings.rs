@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use crate::DiagnosisError;
 use crate::evidence::nuisance::Nuisance;
-use crate::explanations::hypothesis::Member;
+use crate::explanations::hypothesis::Term;
 use crate::search::Search;
 use crate::search::climb::Sizes;
 use crate::search::converge::Begin;
@@ -41,16 +41,16 @@ impl Search<'_> {
         names: Vec<String>,
         noise: Nuisance,
     ) -> Result<(), DiagnosisError> {
-        let id_of = |m: &Member| of.design.candidates.get(m.candidate).map(|c| c.id);
+        let id_of = |m: &Term| of.design.candidates.get(m.candidate).map(|c| c.id);
         let is_kept = |id: &str| names.iter().any(|name| name == id);
-        let members: Vec<_> = of.members.iter().filter(|m| id_of(m).is_some_and(is_kept)).cloned().collect();
-        let ids: Vec<&'static str> = members.iter().filter_map(id_of).collect();
+        let terms: Vec<_> = of.terms.iter().filter(|m| id_of(m).is_some_and(is_kept)).cloned().collect();
+        let ids: Vec<&'static str> = terms.iter().filter_map(id_of).collect();
         let mut point = of.point.clone();
         self.keep_only(&mut point, &ids);
         let mut problem = self.problem.clone();
         problem.motions = Arc::clone(&of.motions);
         problem.nuisance = noise;
-        let from = Begin { point, design: of.design.clone(), members };
+        let from = Begin { point, design: of.design.clone(), terms };
         if let Some(found) = self.fitted_with(problem, from, &ids, f64::NEG_INFINITY, Sizes::Any)? {
             self.remember(found);
         }

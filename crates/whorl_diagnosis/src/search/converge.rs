@@ -16,7 +16,7 @@ use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::{Dataset, Problem, Trust};
 use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::candidates::Design;
-use crate::explanations::hypothesis::{Hypothesis, Member};
+use crate::explanations::hypothesis::{Hypothesis, Term};
 use crate::explanations::lines::Lines;
 use crate::explanations::physical::between;
 use crate::bins::motion::Motion;
@@ -51,7 +51,7 @@ pub(crate) struct Descended {
     pub point: Point,
     pub motions: Arc<Vec<Motion>>,
     pub design: Design,
-    pub members: Vec<Member>,
+    pub terms: Vec<Term>,
     /// Errors of formulas not integrated out.
     pub data: Dataset,
 }
@@ -61,7 +61,7 @@ pub(crate) struct Descended {
 pub(super) struct Begin {
     pub point: Point,
     pub design: Design,
-    pub members: Vec<Member>,
+    pub terms: Vec<Term>,
 }
 
 /// Misfit at a point itself, not where the regression's minimum is, and that point. Where an effect's shape is
@@ -110,7 +110,7 @@ pub(crate) fn at_itself(
 impl Search<'_> {
     /// Fits a set that holds in the present regression where it fits best. `None` if it cannot stand there.
     pub(crate) fn converge(&self, start: &Hypothesis) -> Result<Option<Converged>, DiagnosisError> {
-        let noise = if start.members.is_empty() { self.problem.nuisance } else { Nuisance::default() };
+        let noise = if start.terms.is_empty() { self.problem.nuisance } else { Nuisance::default() };
         self.converge_towards(start, noise, f64::NEG_INFINITY, self.problem.threads)
     }
 
@@ -129,7 +129,7 @@ impl Search<'_> {
         threads: usize,
     ) -> Result<Option<Converged>, DiagnosisError> {
         let ids: Vec<&'static str> = start
-            .members
+            .terms
             .iter()
             .filter_map(|m| self.design.candidates.get(m.candidate).map(|c| c.id))
             .collect();
@@ -191,7 +191,7 @@ impl Search<'_> {
             from = Begin {
                 point: descended.point.clone(),
                 design: descended.design.clone(),
-                members: descended.members.clone(),
+                terms: descended.terms.clone(),
             };
             let is_settled =
                 problem.nuisance == noise.sizes && alike(&descended.data.ar_models, &noise.ar_models);
@@ -224,7 +224,7 @@ impl Search<'_> {
     fn begin(&self, start: &Hypothesis, ids: &[&'static str]) -> Begin {
         let mut point = point_of(self.problem, &self.design, &self.point, start);
         self.keep_only(&mut point, ids);
-        Begin { point, design: self.design.clone(), members: start.members.clone() }
+        Begin { point, design: self.design.clone(), terms: start.terms.clone() }
     }
 
     /// Effects that have left a set leave its point.
@@ -247,8 +247,8 @@ impl Search<'_> {
         mut ar_models: Option<ArModels>,
     ) -> Result<Option<Descended>, DiagnosisError> {
         let settings = &self.options.settings;
-        let Begin { mut point, mut design, mut members } = from;
-        let entered_as_place = members.last().is_some_and(|m| {
+        let Begin { mut point, mut design, mut terms } = from;
+        let entered_as_place = terms.last().is_some_and(|m| {
             let of_last = m.columns.iter().filter_map(|i| design.columns.get(*i));
             of_last.clone().any(|c| c.origin.is_some()) && of_last.flat_map(|c| &c.step).all(|s| *s == 0.0)
         });
@@ -273,17 +273,17 @@ impl Search<'_> {
             let Some(data) = DiagnosisError::possible(made)? else { break };
             // Misfits are comparable only with the same AR models.
             ar_models = Some(data.ar_models.clone());
-            members = members.iter().filter_map(|m| m.carried(&design, &here)).collect();
+            terms = terms.iter().filter_map(|m| m.carried(&design, &here)).collect();
             design = here;
             let (total, gained) = problem.integrated(&data, &point, &design, self.relative_error);
-            let Some(mut fit) = Hypothesis::of(&design, &total, members.clone()) else { break };
-            if fit.members.len() < ids.len() {
+            let Some(mut fit) = Hypothesis::of(&design, &total, terms.clone()) else { break };
+            if fit.terms.len() < ids.len() {
                 break;
             }
             // A place on a grid has become a value: how far it is from neutral, no column has said before.
             if step == 0 && entered_as_place {
                 fit = fit.resized(&design, &total);
-                members.clone_from(&fit.members);
+                terms.clone_from(&fit.terms);
             }
             let Some((misfit, here)) = at_itself(self, &design, &total, &fit, &point, false) else {
                 break;
@@ -332,7 +332,7 @@ impl Search<'_> {
                 point: here.clone(),
                 motions: Arc::clone(&problem.motions),
                 design: design.clone(),
-                members: fit.members.clone(),
+                terms: fit.terms.clone(),
                 data,
             });
             if promised < 2.0 * settings.converged_nats

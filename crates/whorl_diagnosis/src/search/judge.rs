@@ -14,7 +14,7 @@ use whorl_prediction::{
 use whorl_recording::Recording;
 
 use crate::explanations::candidates::effect;
-use crate::explanations::hypothesis::Member;
+use crate::explanations::hypothesis::Term;
 use crate::parameters::available::Available;
 use crate::refit::{Entered, Fit, Refit};
 use crate::search::Search;
@@ -191,7 +191,7 @@ impl Search<'_> {
         Ok(Some(alone))
     }
 
-    /// The most probable set; if it was judged that without its weakest member. What bins of a smoothed motion
+    /// The most probable set; if it was judged that without its weakest term. What bins of a smoothed motion
     /// need beside the true effect the samples may do without.
     fn next_to_judge(&self) -> Option<Converged> {
         let most = self.most_probable().filter(|set| !set.names.is_empty())?;
@@ -201,11 +201,11 @@ impl Search<'_> {
         let known = self.fitted.get(&names).cloned();
         let set = known.unwrap_or_else(|| {
             let mut set = Converged { names: names.clone(), judged: None, ..most.clone() };
-            let id = |member: &Member| set.design.candidates.get(member.candidate).map(|c| c.id);
-            let is_kept = |member: &Member| id(member).is_some_and(|id| names.iter().any(|name| name == id));
-            let members: Vec<Member> = set.members.iter().filter(|m| is_kept(m)).cloned().collect();
-            let ids: Vec<&'static str> = members.iter().filter_map(id).collect();
-            set.members = members;
+            let id = |term: &Term| set.design.candidates.get(term.candidate).map(|c| c.id);
+            let is_kept = |term: &Term| id(term).is_some_and(|id| names.iter().any(|name| name == id));
+            let terms: Vec<Term> = set.terms.iter().filter(|m| is_kept(m)).cloned().collect();
+            let ids: Vec<&'static str> = terms.iter().filter_map(id).collect();
+            set.terms = terms;
             self.keep_only(&mut set.point, &ids);
             set
         });

@@ -21,7 +21,7 @@ fn holds_latency(names: &[String]) -> bool {
 /// A set with an inertial latency.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Lateness {
-    members: usize,
+    terms: usize,
     log_evidence: f64,
     late_s: f64,
 }
@@ -78,11 +78,11 @@ impl Search<'_> {
         point: &crate::parameters::Point,
     ) {
         let is_better = |known: &Lateness| {
-            names.len() < known.members || (names.len() == known.members && log_evidence > known.log_evidence)
+            names.len() < known.terms || (names.len() == known.terms && log_evidence > known.log_evidence)
         };
         if holds_latency(names) && self.late.as_ref().is_none_or(is_better) {
             let late_s = self.problem.reference.late_at_s(point);
-            self.late = Some(Lateness { members: names.len(), log_evidence, late_s });
+            self.late = Some(Lateness { terms: names.len(), log_evidence, late_s });
         }
     }
 }

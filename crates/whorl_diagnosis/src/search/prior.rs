@@ -16,7 +16,7 @@ pub(crate) fn of_other_law(settings: &Settings) -> f64 {
     4.0 * settings.misspecification
 }
 
-/// A set with one member left out, each in turn.
+/// A set with one term left out, each in turn.
 pub(crate) fn smaller_sets(names: &[String]) -> impl Iterator<Item = Vec<String>> {
     let without = |left_out: &String| names.iter().filter(|id| *id != left_out).cloned().collect();
     names.iter().map(without)

@@ -10,7 +10,7 @@ use crate::evidence::ar_noise::ArModels;
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::{Dataset, Problem, Trust};
 use crate::explanations::candidates::Design;
-use crate::explanations::hypothesis::{Hypothesis, Member};
+use crate::explanations::hypothesis::{Hypothesis, Term};
 use crate::explanations::lines::Lines;
 use crate::explanations::place::Place;
 use crate::parameters::Point;
@@ -177,7 +177,7 @@ impl<'a> Search<'a> {
     /// Every effect added in turn to a hypothesis that does not hold it, best first.
     pub fn additions(&self, to: &Hypothesis) -> Vec<Hypothesis> {
         let free: Vec<usize> = (0..self.design.candidates.len())
-            .filter(|c| to.members.iter().all(|m| m.candidate != *c))
+            .filter(|c| to.terms.iter().all(|m| m.candidate != *c))
             .collect();
         let mut found: Vec<Hypothesis> =
             crate::threads::map(self.problem.threads, &free, |c| to.with(&self.design, &self.data.total, *c))
@@ -291,7 +291,7 @@ impl<'a> Search<'a> {
     }
 
     /// Sets that may come near the best one and were not weighed: with one effect more, one less, or another in the place
-    /// of one. The declared rivals of its members are among them however little they promise.
+    /// of one. The declared rivals of its terms are among them however little they promise.
     fn proposals(&self, with_pairs: bool) -> Vec<Hypothesis> {
         let settings = &self.options.settings;
         let mut all = self.additions(&self.best);
@@ -299,20 +299,20 @@ impl<'a> Search<'a> {
             all.extend(self.strong_pair(&all));
         }
         let mut rivals: Vec<Hypothesis> = Vec::new();
-        for (at, member) in self.best.members.iter().enumerate() {
+        for (at, term) in self.best.terms.iter().enumerate() {
             let Some(rest) = self.best.without(&self.design, &self.data.total, at) else { continue };
             let declared =
-                self.design.candidates.get(member.candidate).map(|c| c.effect.info().confusable_with);
+                self.design.candidates.get(term.candidate).map(|c| c.effect.info().confusable_with);
             for swap in self.additions(&rest) {
                 let id =
-                    swap.members.last().and_then(|m| self.design.candidates.get(m.candidate)).map(|c| c.id);
+                    swap.terms.last().and_then(|m| self.design.candidates.get(m.candidate)).map(|c| c.id);
                 if id.is_some_and(|id| declared.is_some_and(|list| list.contains(&id))) {
                     rivals.push(swap);
                 } else {
                     all.push(swap);
                 }
             }
-            if !rest.members.is_empty() {
+            if !rest.terms.is_empty() {
                 all.push(rest);
             }
         }
@@ -320,11 +320,11 @@ impl<'a> Search<'a> {
         let is_new = |h: &Hypothesis| {
             // One that did not come to its minimum may from here.
             let is_finished = self.standing(h).is_some_and(|s| s.promise < 2.0 * settings.unfinished_nats);
-            h.members.len() <= self.options.largest_set && !is_finished && !h.members.is_empty()
+            h.terms.len() <= self.options.largest_set && !is_finished && !h.terms.is_empty()
         };
         let leading = weight(&self.best);
         // What adds nothing loses by little more than its prior, and there are dozens of such.
-        let is_larger = |h: &Hypothesis| h.members.len() > self.best.members.len();
+        let is_larger = |h: &Hypothesis| h.terms.len() > self.best.terms.len();
         let window = |h: &Hypothesis| if is_larger(h) { settings.doubt_nats } else { settings.window_nats };
         let is_open = |h: &Hypothesis| is_new(h) && !self.is_ruled_out(&h.names(&self.design));
         all.retain(|h| weight(h) > leading - window(h) && is_open(h));
@@ -351,7 +351,7 @@ impl<'a> Search<'a> {
             return None;
         }
         let singles: Vec<usize> =
-            additions.iter().take(8).filter_map(|h| h.members.last().map(|m| m.candidate)).collect();
+            additions.iter().take(8).filter_map(|h| h.terms.last().map(|m| m.candidate)).collect();
         let pairs: Vec<(usize, usize)> = singles
             .iter()
             .enumerate()
@@ -363,7 +363,7 @@ impl<'a> Search<'a> {
         })
         .into_iter()
         .flatten()
-        .filter(|h| h.members.len() == 2 && h.log_evidence > best_single + window_nats)
+        .filter(|h| h.terms.len() == 2 && h.log_evidence > best_single + window_nats)
         .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
     }
 
@@ -404,8 +404,8 @@ impl<'a> Search<'a> {
         let base = Hypothesis::base(&design, &data.total).ok_or(NO_FIT)?;
         let mut worth: Vec<(f64, f64)> = Vec::new();
         for (columns, hz) in design.candidates.iter().flat_map(|c| &c.options).zip(hz) {
-            let member = Member { candidate: 0, columns: columns.clone(), size: 0.1, options: 1 };
-            let Some(fit) = Hypothesis::of(&design, &data.total, vec![member]) else { continue };
+            let term = Term { candidate: 0, columns: columns.clone(), size: 0.1, options: 1 };
+            let Some(fit) = Hypothesis::of(&design, &data.total, vec![term]) else { continue };
             let evidence = fit.resized(&design, &data.total).log_evidence
                 - base.log_evidence
                 - self.problem.frequencies().ln();
@@ -420,10 +420,10 @@ impl<'a> Search<'a> {
         Ok(!worth.is_empty())
     }
 
-    /// The kind of the first member.
+    /// The kind of the first term.
     pub fn kind(&self) -> Option<String> {
-        let member = self.best.members.first()?;
-        let candidate = self.design.candidates.get(member.candidate)?;
+        let term = self.best.terms.first()?;
+        let candidate = self.design.candidates.get(term.candidate)?;
         Some(candidate.effect.info().kind.to_string())
     }
 }

@@ -154,7 +154,7 @@ fn go_to_leading(search: &mut Search<'_>, explanations: &[Vec<String>]) -> Resul
     }
     let further = search.held_out.take();
     let leading = explanations.first().and_then(|set| explanation(search, set));
-    if let Some(leading) = leading.filter(|l| !l.members.is_empty())
+    if let Some(leading) = leading.filter(|l| !l.terms.is_empty())
         && let Some(converged) = search.converge(&leading)?
     {
         search.settle(converged)?;
@@ -204,10 +204,10 @@ const MOST_WAYS: usize = 32;
 fn chosen_anew(search: &Search<'_>, hypothesis: &Hypothesis, data: &Normal) -> Option<Hypothesis> {
     let same = hypothesis.refitted(&search.design, data);
     let ways = |candidate: usize| search.design.candidates.get(candidate).map_or(0, |c| c.options.len());
-    if !hypothesis.members.iter().all(|m| (1..=MOST_WAYS).contains(&ways(m.candidate))) {
+    if !hypothesis.terms.iter().all(|m| (1..=MOST_WAYS).contains(&ways(m.candidate))) {
         return same;
     }
-    let anew = hypothesis.members.iter().try_fold(Hypothesis::base(&search.design, data)?, |set, m| {
+    let anew = hypothesis.terms.iter().try_fold(Hypothesis::base(&search.design, data)?, |set, m| {
         set.with(&search.design, data, m.candidate)
     });
     [same, anew].into_iter().flatten().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))

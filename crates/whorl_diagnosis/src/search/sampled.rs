@@ -12,7 +12,7 @@ use whorl_recording::Recording;
 
 use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::candidates::Candidate;
-use crate::explanations::hypothesis::{Hypothesis, Member, rarity_nats};
+use crate::explanations::hypothesis::{Hypothesis, Term, rarity_nats};
 use crate::parameters::Column;
 use crate::refit::{Entered, Refit};
 use crate::search::Search;
@@ -267,10 +267,10 @@ impl Search<'_> {
         if let Some(known) = self.fitted.get(&names) {
             return Ok(Some(known.clone()));
         }
-        let members: Vec<Member> =
-            set.members.iter().filter_map(|m| m.carried(&set.design, &self.design)).collect();
+        let terms: Vec<Term> =
+            set.terms.iter().filter_map(|m| m.carried(&set.design, &self.design)).collect();
         let candidate = self.design.candidates.iter().position(|candidate| candidate.id == id);
-        let start = Hypothesis::of(&self.design, &self.data.total, members)
+        let start = Hypothesis::of(&self.design, &self.data.total, terms)
             .zip(candidate)
             .and_then(|(start, candidate)| start.with(&self.design, &self.data.total, candidate));
         let Some(start) = start else { return Ok(None) };
@@ -280,7 +280,7 @@ impl Search<'_> {
 
 /// How effects enter a fit: as bins found them, and with what the samples ask for.
 pub(crate) fn entered(set: &Converged, asked: Option<&Asked>) -> BTreeMap<&'static str, Entered> {
-    let mut all = Entered::of(&set.design, &set.members);
+    let mut all = Entered::of(&set.design, &set.terms);
     if let Some(asked) = asked {
         let own = all.entry(asked.id).or_insert_with(|| asked.entered.clone());
         own.indices.extend(&asked.entered.indices);

@@ -11,7 +11,7 @@ use crate::evidence::ar_noise::{ArModels, alike};
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::regression::Normal;
 use crate::explanations::candidates::Design;
-use crate::explanations::hypothesis::{Hypothesis, Member};
+use crate::explanations::hypothesis::{Hypothesis, Term};
 use crate::bins::motion::Motion;
 use crate::parameters::{Column, Point, Reference};
 use crate::refit::Refit;
@@ -99,7 +99,7 @@ pub(crate) struct Converged {
     pub point: Point,
     pub motions: Arc<Vec<Motion>>,
     pub design: Design,
-    pub members: Vec<Member>,
+    pub terms: Vec<Term>,
     /// Standard deviation of each column of the design matrix, in its units; 0 = it takes no part.
     pub stddevs: Vec<f64>,
     /// ArModels beside which it was weighed, of training runs
@@ -195,10 +195,10 @@ impl Search<'_> {
             held.nuisance = converged.standing.nuisance;
         }
         self.regress()?;
-        let members: Vec<Member> =
-            converged.members.iter().filter_map(|m| m.carried(&converged.design, &self.design)).collect();
+        let terms: Vec<Term> =
+            converged.terms.iter().filter_map(|m| m.carried(&converged.design, &self.design)).collect();
         self.best =
-            Hypothesis::of(&self.design, &self.data.total, members).unwrap_or_else(|| self.base.clone());
+            Hypothesis::of(&self.design, &self.data.total, terms).unwrap_or_else(|| self.base.clone());
         // What does not stand where it was fitted explains nothing.
         if self.best.names(&self.design) != converged.names {
             self.forget(&converged.names);
@@ -266,7 +266,7 @@ impl Search<'_> {
         self.admissible().max_by(|a, b| a.log_posterior().total_cmp(&b.log_posterior()))
     }
 
-    /// Linearises anew at the present best and finds its members there.
+    /// Linearises anew at the present best and finds its terms there.
     pub(crate) fn relinearise(&mut self) -> Result<Standing, DiagnosisError> {
         let best = self.best.clone();
         let converged = match self.converge(&best)? {

@@ -174,7 +174,7 @@ impl Search<'_> {
         };
         let stddevs = deviations(fit, set.design.columns.len());
         let held_ar_models = both.held.map(|(data, _)| data.ar_models);
-        let Descended { names, point, motions, design, members, data, .. } = set;
+        let Descended { names, point, motions, design, terms, data, .. } = set;
         let ar_models = data.ar_models;
         Ok(Some(Converged {
             names,
@@ -182,7 +182,7 @@ impl Search<'_> {
             point,
             motions,
             design,
-            members,
+            terms,
             stddevs,
             ar_models,
             held_ar_models,
@@ -195,10 +195,10 @@ impl Search<'_> {
         let set = both.set;
         let design = &set.design;
         let (training, log_density, all, log_density_of_all) = both.integrated(relative_error);
-        let own = Hypothesis::free(design, &training, set.members.clone())?;
+        let own = Hypothesis::free(design, &training, set.terms.clone())?;
         let (misfit, at) = at_itself(self, design, &training, &own, &set.point, false)?;
-        let joint = Hypothesis::of(design, &all, set.members.clone())?.resized(design, &all);
-        if joint.members.len() < set.members.len() {
+        let joint = Hypothesis::of(design, &all, set.terms.clone())?.resized(design, &all);
+        if joint.terms.len() < set.terms.len() {
             return None;
         }
         let (joint_misfit, _) = at_itself(self, design, &all, &joint, &at, true)?;

@@ -62,7 +62,7 @@ fn a_cable_without_stiffness_is_no_cable() {
             let mut shown: Normal = search.data.total.clone();
             shown.vector += &shown.matrix * &signal;
             let fit = search.base.with(&search.design, &shown, cable)?;
-            Some(fit.members[0].columns.iter().map(|i| search.design.columns[*i].index).collect())
+            Some(fit.terms[0].columns.iter().map(|i| search.design.columns[*i].index).collect())
         };
         let whole = explained(20.0, 40.0).expect("a cable with stiffness and damping is one");
         assert!(whole.contains(&0) && whole.len() == 2, "{whole:?}");

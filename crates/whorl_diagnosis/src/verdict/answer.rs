@@ -40,13 +40,13 @@ impl Search<'_> {
         }
     }
 
-    /// One row of the table for a hypothesis' last member, against the hypothesis without it.
-    fn row(&self, with: &Hypothesis, without: &Hypothesis, member: usize) -> Option<Candidate> {
-        let member = with.members.get(member)?;
-        let candidate = self.design.candidates.get(member.candidate)?;
+    /// One row of the table for a hypothesis' last term, against the hypothesis without it.
+    fn row(&self, with: &Hypothesis, without: &Hypothesis, term: usize) -> Option<Candidate> {
+        let term = with.terms.get(term)?;
+        let candidate = self.design.candidates.get(term.candidate)?;
         let covariance = with.estimate.covariance();
         let mut parameters: Vec<ParameterEstimate> = Vec::new();
-        for &i in &member.columns {
+        for &i in &term.columns {
             let column = self.design.columns.get(i)?;
             let Some(at) = with.estimate.active.iter().position(|a| *a == i) else { continue };
             let stddev = covariance[(at, at)].max(0.0).sqrt();
@@ -62,7 +62,7 @@ impl Search<'_> {
         let (evidence, drop) = self.advantage(with, without);
         let rows = self.data.total.rows;
         // Where nothing is named, what is within chance is no excess.
-        let chance = if self.best.members.is_empty() {
+        let chance = if self.best.terms.is_empty() {
             self.options.settings.noticed_stddevs * (2.0 * rows).sqrt()
         } else {
             1.0
@@ -76,7 +76,7 @@ impl Search<'_> {
             delta_log_evidence: evidence,
             held_out_gain: self.gain(with, without).unwrap_or(0.0),
             share_of_excess: (drop / excess).clamp(0.0, 1.0),
-            swallowed_by_base: self.swallowed(&member.columns, with),
+            swallowed_by_base: self.swallowed(&term.columns, with),
             detectability: drop.max(0.0),
             indistinguishable_from: Vec::new(),
             parameters,
@@ -147,14 +147,14 @@ impl Search<'_> {
             && left < settings.noticed_stddevs
             && rhythm.is_none()
             // Errors of sensors may come and go too fast to leave a slow rest.
-            && !self.best.members.is_empty()
+            && !self.best.terms.is_empty()
             // A line may be that of a torque of another kind, although nothing slow is left.
             && !self.best.names(&self.design).iter().any(|id| find(id).is_some_and(|e| e.rhythm().is_some()));
         if !is_clean {
             self.lines = crate::explanations::spectrum::lines(self.place(), &self.best);
             let mut anchors = vec![self.best.clone()];
             // And alone: the best set may only look like what is missing.
-            if !self.best.members.is_empty() {
+            if !self.best.terms.is_empty() {
                 anchors.push(self.base.clone());
             }
             for anchor in &anchors {
@@ -261,21 +261,21 @@ impl Search<'_> {
         odd.into_iter().map(|(_, name)| name).collect()
     }
 
-    /// One row for each effect: members of the best set, then what else was tested, best first.
+    /// One row for each effect: terms of the best set, then what else was tested, best first.
     fn rows(&self) -> Vec<Candidate> {
         let mut candidates: Vec<Candidate> = Vec::new();
-        for member in 0..self.best.members.len() {
-            if let Some(rest) = self.best.without(&self.design, &self.data.total, member)
-                && let Some(mut row) = self.row(&self.best, &rest, member)
+        for term in 0..self.best.terms.len() {
+            if let Some(rest) = self.best.without(&self.design, &self.data.total, term)
+                && let Some(mut row) = self.row(&self.best, &rest, term)
             {
-                if let Some(parameters) = self.averaged(&self.best, member) {
+                if let Some(parameters) = self.averaged(&self.best, term) {
                     row.parameters = parameters;
                 }
                 candidates.push(row);
             }
         }
         for addition in self.additions(&self.best) {
-            let last = addition.members.len().saturating_sub(1);
+            let last = addition.terms.len().saturating_sub(1);
             candidates.extend(self.row(&addition, &self.best, last));
         }
         candidates

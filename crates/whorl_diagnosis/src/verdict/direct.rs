@@ -37,7 +37,7 @@ impl Search<'_> {
     pub(crate) fn rhythm(&self) -> Option<(Unknown, f64)> {
         let lines = lines(self.place(), &self.best);
         let least =
-            if self.best.members.is_empty() { 1.5 } else { 2.0 } * self.options.settings.certain_stddevs;
+            if self.best.terms.is_empty() { 1.5 } else { 2.0 } * self.options.settings.certain_stddevs;
         if lines.strongest < least {
             return None;
         }

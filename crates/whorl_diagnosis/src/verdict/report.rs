@@ -38,18 +38,18 @@ impl Search<'_> {
         }
     }
 
-    /// Parameters of a member of a set, averaged over the ways in which it can enter.
+    /// Parameters of a term of a set, averaged over the ways in which it can enter.
     pub(crate) fn averaged(&self, set: &Hypothesis, at: usize) -> Option<Vec<ParameterEstimate>> {
-        let member = set.members.get(at)?;
-        let candidate = self.design.candidates.get(member.candidate)?;
+        let term = set.terms.get(at)?;
+        let candidate = self.design.candidates.get(term.candidate)?;
         let column = |i: &usize| self.design.columns.get(*i);
-        if member.columns.iter().filter_map(column).any(|c| c.origin.is_some()) {
+        if term.columns.iter().filter_map(column).any(|c| c.origin.is_some()) {
             return None;
         }
         // What shapes the effect belongs to it: nothing to choose.
         let is_shaped = candidate.options.iter().flatten().filter_map(column).any(|c| c.is_shape);
         let options: Vec<Vec<usize>> = if is_shaped {
-            vec![member.columns.clone()]
+            vec![term.columns.clone()]
         } else {
             whole_parts(&candidate.options, &self.design.columns)
         };
@@ -59,23 +59,23 @@ impl Search<'_> {
         let mut choices: Vec<(f64, Hypothesis)> = Vec::new();
         for columns in options {
             let with = |size: f64| {
-                let mut members = set.members.clone();
-                let slot = members.get_mut(at)?;
+                let mut terms = set.terms.clone();
+                let slot = terms.get_mut(at)?;
                 (slot.columns, slot.size) = (columns.clone(), size);
-                Hypothesis::of(&self.design, &self.data.total, members)
-                    .filter(|h| h.members.len() == set.members.len())
+                Hypothesis::of(&self.design, &self.data.total, terms)
+                    .filter(|h| h.terms.len() == set.terms.len())
             };
             let evidence = [0.3, 1.0, 3.0]
                 .into_iter()
-                .filter_map(|factor| with(factor * member.size))
+                .filter_map(|factor| with(factor * term.size))
                 .map(|h| h.log_evidence)
                 .fold(f64::NEG_INFINITY, f64::max);
-            let mut members = set.members.clone();
-            if let Some(slot) = members.get_mut(at) {
-                (slot.columns, slot.size) = (columns.clone(), WIDE * member.size);
+            let mut terms = set.terms.clone();
+            if let Some(slot) = terms.get_mut(at) {
+                (slot.columns, slot.size) = (columns.clone(), WIDE * term.size);
             }
             // Signs are kept below, as what they are: knowledge about the values.
-            let wide = Hypothesis::free(&self.design, &self.data.total, members);
+            let wide = Hypothesis::free(&self.design, &self.data.total, terms);
             if let Some(wide) = wide.filter(|_| evidence.is_finite()) {
                 choices.push((evidence, wide));
             }
@@ -87,13 +87,13 @@ impl Search<'_> {
         let mut moments = vec![(0.0, 0.0, 0.0); self.design.columns.len()];
         for (evidence, fit) in &choices {
             let probability = (evidence - best).exp() / sum;
-            let own = fit.members.get(at).map_or(&[][..], |m| m.columns.as_slice());
+            let own = fit.terms.get(at).map_or(&[][..], |m| m.columns.as_slice());
             let (mut mean, mut covariance) =
                 (fit.estimate.value.clone(), fit.estimate.covariance() * widened);
             for (position, i) in fit.estimate.active.iter().enumerate() {
                 let signed =
                     column(i).is_some_and(|c| c.base_stddev == 0.0 && c.range.0 > -1e-9 && !c.is_shape);
-                if signed && fit.members.iter().any(|m| m.columns.contains(i)) {
+                if signed && fit.terms.iter().any(|m| m.columns.contains(i)) {
                     truncate(&mut mean, &mut covariance, position);
                 }
             }
