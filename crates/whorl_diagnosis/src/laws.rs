@@ -331,14 +331,14 @@ impl LawBench {
             };
             let found = search.converge(&start)?.map(|c| Weighed {
                 effects: set.clone(),
-                log_evidence: c.standing.worth(&options.settings),
-                log_likelihood: c.standing.log_likelihood,
-                held_log_likelihood: c.standing.held_log_likelihood,
+                log_evidence: c.score.worth(&options.settings),
+                log_likelihood: c.score.log_likelihood,
+                held_log_likelihood: c.score.held_log_likelihood,
                 values: set
                     .iter()
                     .filter_map(|id| Some((id.clone(), c.point.effects.get(id.as_str())?.clone())))
                     .collect(),
-                background_n_m: search.problem.background(c.standing.nuisance).stddev_n_m,
+                background_n_m: search.problem.background(c.score.nuisance).stddev_n_m,
             });
             weighed.push(found);
         }

@@ -13,13 +13,13 @@ use crate::search::Search;
 use crate::search::climb::Sizes;
 use crate::search::converge::Begin;
 use crate::search::prior::smaller_sets;
-use crate::search::standing::Converged;
+use crate::search::score::Converged;
 
 impl Search<'_> {
     /// Fits the likeliest of some sets, believed or not, once more from its own end with the noise that the base model needs:
     /// from no noise, a set that cannot follow yet is forced to where it fits best by wrong values.
     pub(crate) fn fit_beside_noise(&mut self, of: &[Converged]) -> Result<(), DiagnosisError> {
-        let noise = self.standing(&self.base).map_or(Nuisance::default(), |base| base.nuisance);
+        let noise = self.score(&self.base).map_or(Nuisance::default(), |base| base.nuisance);
         let likeliest = of.iter().max_by(|a, b| a.log_posterior().total_cmp(&b.log_posterior()));
         let Some(likeliest) = likeliest.filter(|_| noise != Nuisance::default()) else { return Ok(()) };
         self.fit_again(likeliest, likeliest.names.clone(), noise)
@@ -29,7 +29,7 @@ impl Search<'_> {
     /// then it is the smaller set that had not come to its end.
     pub(crate) fn fit_smaller_sets(&mut self, of: &Converged) -> Result<(), DiagnosisError> {
         for names in smaller_sets(&of.names) {
-            self.fit_again(of, names, of.standing.nuisance)?;
+            self.fit_again(of, names, of.score.nuisance)?;
         }
         Ok(())
     }

@@ -25,7 +25,7 @@ use crate::parameters::Point;
 use crate::search::Search;
 use crate::search::climb::{Noise, Sizes};
 use crate::search::prior::of_other_law;
-use crate::search::standing::{BENT, Converged};
+use crate::search::score::{BENT, Converged};
 use crate::search::step::{dataset, point_of};
 
 /// Steps of a fit, those taken back included.
@@ -139,17 +139,17 @@ impl Search<'_> {
         problem.nuisance = noise;
         let from = self.begin(start, &ids);
         let found = self.fitted_with(problem.clone(), from.clone(), &ids, least, Sizes::Any)?;
-        let is_beside_torque = |found: &Converged| problem.is_large(found.standing.nuisance);
+        let is_beside_torque = |found: &Converged| problem.is_large(found.score.nuisance);
         let found = match found {
             Some(found) if !ids.is_empty() && is_beside_torque(&found) => found,
             other => return Ok(other),
         };
         // What a set's formulas leave looks like a random torque.
         let alone = self.fitted_with(problem, from, &ids, f64::NEG_INFINITY, Sizes::Background)?;
-        let base = self.standing(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
+        let base = self.score(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
         let is_echo = |alone: &Converged| {
-            let explained = f64::max(alone.standing.log_evidence - base, 0.0);
-            found.standing.log_evidence - alone.standing.log_evidence
+            let explained = f64::max(alone.score.log_evidence - base, 0.0);
+            found.score.log_evidence - alone.score.log_evidence
                 <= of_other_law(&self.options.settings) * explained
         };
         Ok(Some(alone.filter(is_echo).unwrap_or(found)))
@@ -181,7 +181,7 @@ impl Search<'_> {
     ) -> Result<Option<(Descended, Noise)>, DiagnosisError> {
         let mut last: Option<(Descended, Noise)> = None;
         // What another set needed may be needed here.
-        let of_others: Vec<Nuisance> = self.fitted.values().map(|set| set.standing.nuisance).collect();
+        let of_others: Vec<Nuisance> = self.fitted.values().map(|set| set.score.nuisance).collect();
         // Less noise makes a fit sharper, and a sharper fit leaves less noise.
         let mut ar_models = (problem.nuisance == Nuisance::default()).then(|| self.sharp.clone());
         for turn in 0..MOST_TURNS {
@@ -259,7 +259,7 @@ impl Search<'_> {
         let of_best = self.best.names(&self.design);
         let holds_best = is_first && of_best.iter().all(|own| ids.contains(&own.as_str()));
         let mut allowed = self
-            .standing(&self.best)
+            .score(&self.best)
             .filter(|s| holds_best && s.nuisance == problem.nuisance)
             .map_or(f64::INFINITY, |s| s.misfit + settings.clear_misfit);
         // What the last good step promised.

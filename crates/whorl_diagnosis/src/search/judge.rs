@@ -20,7 +20,7 @@ use crate::refit::{Entered, Fit, Refit};
 use crate::search::Search;
 use crate::search::prior::log_prior;
 use crate::search::sampled::entered;
-use crate::search::standing::{Converged, Judged, JudgedFit, Likelihoods};
+use crate::search::score::{Converged, Judged, JudgedFit, Likelihoods};
 use crate::{DiagnosisError, Progress};
 
 /// Sets that are judged at most, besides that of no effects.
@@ -70,7 +70,7 @@ impl Search<'_> {
         self.judge_asked_for(&mut judgement)?;
         let most = self.most_probable_judged();
         let of_both =
-            most.and_then(|most| Some((most.standing.log_evidence, *self.of_bins.get(&most.names)?)));
+            most.and_then(|most| Some((most.score.log_evidence, *self.of_bins.get(&most.names)?)));
         self.samples_over_bins = of_both.map_or(0.0, |(of_samples, of_bins)| of_samples - of_bins);
         Ok(Some(judgement))
     }
@@ -159,12 +159,12 @@ impl Search<'_> {
     fn set_judged(&mut self, mut set: Converged, found: Judged) {
         let base = self.fitted.get(&Vec::new());
         let of_base =
-            base.and_then(|base| Some((base.standing.log_evidence, &base.judged.as_ref()?.likelihoods)));
+            base.and_then(|base| Some((base.score.log_evidence, &base.judged.as_ref()?.likelihoods)));
         if let Some((log_evidence, base)) = of_base {
             let of_samples = found.likelihoods.gain(base);
             let of_bins = self.of_bins.get(&set.names).map(|of_set| of_set - log_evidence);
             let seen = of_bins.filter(|gain| *gain > self.options.settings.doubt_nats);
-            set.standing.log_evidence = log_evidence + seen.map_or(of_samples, |gain| gain.min(of_samples));
+            set.score.log_evidence = log_evidence + seen.map_or(of_samples, |gain| gain.min(of_samples));
         }
         set.point = found.fit.refit(&self.problem.reference).point(&found.fit.fitted.at);
         set.judged = Some(found);

@@ -8,7 +8,7 @@ use whorl_dynamics::effects::find;
 
 use crate::Settings;
 use crate::search::Search;
-use crate::search::standing::Standing;
+use crate::search::score::Score;
 
 /// Latency far from that with which recordings were laid out \[s\].
 const FAR_S: f64 = 2e-3;
@@ -43,11 +43,11 @@ pub(crate) struct Late {
 
 impl Late {
     pub fn of(search: &Search<'_>) -> Self {
-        let evidence = |standing: Option<Standing>| standing.map(|s| s.log_evidence);
-        let base = evidence(search.standing(&search.base)).unwrap_or(search.base.log_evidence);
-        let best = evidence(search.standing(&search.best)).unwrap_or(search.best.log_evidence);
+        let evidence = |score: Option<Score>| score.map(|s| s.log_evidence);
+        let base = evidence(search.score(&search.base)).unwrap_or(search.base.log_evidence);
+        let best = evidence(search.score(&search.best)).unwrap_or(search.best.log_evidence);
         let others = search.fitted.values().filter(|c| !holds_latency(&c.names));
-        let rival = others.map(|c| c.standing.log_evidence).fold(base, f64::max);
+        let rival = others.map(|c| c.score.log_evidence).fold(base, f64::max);
         let holds_latency = holds_latency(&search.best.names(&search.design));
         let with = if holds_latency { best } else { search.late.map_or(base, |late| late.log_evidence) };
         let late_s = search.late.map(|late| late.late_s);

@@ -10,7 +10,7 @@ pub(crate) mod proposals;
 pub(crate) mod prospect;
 pub(crate) mod rest;
 pub(crate) mod sampled;
-pub(crate) mod standing;
+pub(crate) mod score;
 pub(crate) mod step;
 pub(crate) mod unmodelled;
 pub(crate) mod weigh;

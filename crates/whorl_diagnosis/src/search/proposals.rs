@@ -20,7 +20,7 @@ use crate::search::latency::Lateness;
 use crate::search::prior::log_prior;
 use crate::search::rest::{rest, worst};
 use crate::search::sampled::Beside;
-use crate::search::standing::{Converged, Fitted};
+use crate::search::score::{Converged, Fitted};
 use crate::search::step::{NO_FIT, base_point_with, dataset, regression_at};
 use crate::{DiagnosisError, Options, Progress};
 
@@ -166,7 +166,7 @@ impl<'a> Search<'a> {
 
     /// Log likelihood gained on held-out runs by one set over another; `None` without such runs.
     pub fn gain(&self, with: &Hypothesis, without: &Hypothesis) -> Option<f64> {
-        let held = |set| self.standing(set).and_then(|s| s.held_log_likelihood);
+        let held = |set| self.score(set).and_then(|s| s.held_log_likelihood);
         if let (Some(a), Some(b)) = (held(with), held(without)) {
             return Some(a - b);
         }
@@ -208,7 +208,7 @@ impl<'a> Search<'a> {
             let proposals = self.proposals(round == 0);
             if round > 0
                 && self
-                    .standing(&self.base)
+                    .score(&self.base)
                     .is_some_and(|s| s.promise > 2.0 * self.options.settings.unfinished_nats)
             {
                 // The base model did not come to its minimum from where it began; from here it may.
@@ -218,7 +218,7 @@ impl<'a> Search<'a> {
                 }
             }
             let least = self
-                .standing(&self.best)
+                .score(&self.best)
                 .map_or(f64::NEG_INFINITY, |s| s.training_evidence - 2.0 * self.options.settings.window_nats);
             let fitted: Vec<Converged> =
                 self.converge_all(&proposals, least)?.into_iter().flatten().collect();
@@ -233,7 +233,7 @@ impl<'a> Search<'a> {
                 // With no such noise as is likeliest beside the base model, other effects may come near.
                 None if round == 0 && judgement.is_none() && self.problem.nuisance != Nuisance::default() => {
                     let mut quiet = self.fitted(&self.base).cloned().ok_or(NO_FIT)?;
-                    quiet.standing.nuisance = Nuisance::default();
+                    quiet.score.nuisance = Nuisance::default();
                     self.settle(quiet)?;
                 }
                 None => break,
@@ -268,12 +268,12 @@ impl<'a> Search<'a> {
         if self.problem.nuisance == Nuisance::default() {
             return Ok(());
         }
-        let beside = self.standing(base).map(|s| s.nuisance);
+        let beside = self.score(base).map(|s| s.nuisance);
         if let Some(sharp) = self.converge_sharply(base)? {
             self.remember(sharp);
         }
         match self.fitted(base).cloned() {
-            Some(best) if Some(best.standing.nuisance) != beside => self.settle(best),
+            Some(best) if Some(best.score.nuisance) != beside => self.settle(best),
             _ => Ok(()),
         }
     }
@@ -283,7 +283,7 @@ impl<'a> Search<'a> {
         let best = self.best.names(&self.design);
         let (nuisance, point) = (self.problem.nuisance, &self.point);
         let is_there =
-            |c: &&Converged| c.names == best && c.standing.nuisance == nuisance && c.point == *point;
+            |c: &&Converged| c.names == best && c.score.nuisance == nuisance && c.point == *point;
         if let Some(most) = self.most_probable().filter(|c| !is_there(c)).cloned() {
             self.settle(most)?;
         }
@@ -319,7 +319,7 @@ impl<'a> Search<'a> {
         let weight = |h: &Hypothesis| h.log_evidence + log_prior(&h.names(&self.design), settings);
         let is_new = |h: &Hypothesis| {
             // One that did not come to its minimum may from here.
-            let is_finished = self.standing(h).is_some_and(|s| s.promise < 2.0 * settings.unfinished_nats);
+            let is_finished = self.score(h).is_some_and(|s| s.promise < 2.0 * settings.unfinished_nats);
             h.terms.len() <= self.options.largest_set && !is_finished && !h.terms.is_empty()
         };
         let leading = weight(&self.best);

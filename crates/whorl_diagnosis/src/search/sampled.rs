@@ -17,7 +17,7 @@ use crate::parameters::Column;
 use crate::refit::{Entered, Refit};
 use crate::search::Search;
 use crate::search::prior::log_prior;
-use crate::search::standing::{Converged, JudgedFit};
+use crate::search::score::{Converged, JudgedFit};
 use crate::{DiagnosisError, Settings};
 
 /// Prior sizes that are tried, in units of the catalogue's.

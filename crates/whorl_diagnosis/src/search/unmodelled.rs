@@ -15,7 +15,7 @@ use crate::diagnosis::Unknown;
 use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::shapes::{At, Column, Law, Shape, columns_of, laws, push, shapes};
 use crate::search::Search;
-use crate::search::standing::{Converged, JudgedFit};
+use crate::search::score::{Converged, JudgedFit};
 
 /// Prior sizes that are tried, in units of a law's columns.
 const SIZES: [f64; 4] = [0.3, 3.0, 30.0, 300.0];
@@ -77,7 +77,7 @@ impl Search<'_> {
             let axis = law.axis.or_else(|| strongest_axis(law, &tried.laws, &scored));
             found.push(Unmodelled {
                 beside: at.names.clone(),
-                log_evidence: at.standing.log_evidence + gain,
+                log_evidence: at.score.log_evidence + gain,
                 unknown: Unknown {
                     variable: shape.variable.clone(),
                     frame: if law.world { "world" } else { "body" }.to_owned(),

@@ -20,7 +20,7 @@ use crate::parameters::{Column, Point, Target, is_base};
 use crate::search::Search;
 use crate::search::climb::Noise;
 use crate::search::converge::{Descended, at_itself};
-use crate::search::standing::{Converged, Standing};
+use crate::search::score::{Converged, Score};
 use crate::search::step::dataset;
 
 /// What a column is an input of: known signals that enter by the platform's own constants.
@@ -159,16 +159,16 @@ impl Search<'_> {
         };
         let both = Both { set: &set, of_data, held };
         let discrepancies = &self.options.settings.model_discrepancies;
-        let standings: Vec<(Standing, Hypothesis)> =
-            discrepancies.iter().filter_map(|error| self.standing_with(&both, *error)).collect();
-        let of = |standing: &(Standing, Hypothesis)| standing.0.log_evidence;
-        let Some((best, fit)) = standings.iter().max_by(|a, b| of(a).total_cmp(&of(b))) else {
+        let scores: Vec<(Score, Hypothesis)> =
+            discrepancies.iter().filter_map(|error| self.score_with(&both, *error)).collect();
+        let of = |score: &(Score, Hypothesis)| score.0.log_evidence;
+        let Some((best, fit)) = scores.iter().max_by(|a, b| of(a).total_cmp(&of(b))) else {
             return Ok(None);
         };
         // Each error is as likely as the others.
-        let sum: f64 = standings.iter().map(|s| (of(s) - best.log_evidence).exp()).sum();
+        let sum: f64 = scores.iter().map(|s| (of(s) - best.log_evidence).exp()).sum();
         let choices = (discrepancies.len() as f64).ln();
-        let standing = Standing {
+        let score = Score {
             log_evidence: best.log_evidence + sum.ln() - choices + problem.log_prior(set.nuisance),
             ..*best
         };
@@ -178,7 +178,7 @@ impl Search<'_> {
         let ar_models = data.ar_models;
         Ok(Some(Converged {
             names,
-            standing,
+            score,
             point,
             motions,
             design,
@@ -191,7 +191,7 @@ impl Search<'_> {
     }
 
     /// How a set stands with formulas that err by so much, and its fit to the training data.
-    fn standing_with(&self, both: &Both<'_>, relative_error: f64) -> Option<(Standing, Hypothesis)> {
+    fn score_with(&self, both: &Both<'_>, relative_error: f64) -> Option<(Score, Hypothesis)> {
         let set = both.set;
         let design = &set.design;
         let (training, log_density, all, log_density_of_all) = both.integrated(relative_error);
@@ -213,7 +213,7 @@ impl Search<'_> {
             held.add(&training, -1.0);
             log_density_of_all - log_density - 0.5 * held.misfit_at(&values)
         });
-        let standing = Standing {
+        let score = Score {
             log_evidence: occam + log_density_of_all - 0.5 * joint_misfit,
             training_evidence: set.log_evidence,
             log_likelihood: log_density - 0.5 * misfit,
@@ -223,6 +223,6 @@ impl Search<'_> {
             relative_error,
             nuisance: set.nuisance,
         };
-        Some((standing, own))
+        Some((score, own))
     }
 }

@@ -16,7 +16,7 @@ use crate::explanations::vibration::fast_effects;
 use crate::search::Search;
 use crate::search::prior::{log_prior, of_other_law};
 use crate::search::rest::{momentum_rms, rest, worst};
-use crate::search::standing::Converged;
+use crate::search::score::Converged;
 use crate::search::step::point_of;
 use crate::search::unmodelled::Unmodelled;
 use crate::verdict::posterior::{Belief, Weighted};
@@ -118,7 +118,7 @@ impl Search<'_> {
 
     /// A slow random torque that is more than background: what the samples show beside a set, or bins where they were not asked.
     pub(crate) fn large_background(&self, set: &Converged) -> Option<Unknown> {
-        let of_bins = || self.problem.background(set.standing.nuisance).stddev_n_m;
+        let of_bins = || self.problem.background(set.score.nuisance).stddev_n_m;
         let stddev_n_m = set.judged.as_ref().map_or_else(of_bins, |judged| judged.fit.torque_n_m());
         self.problem.is_large_torque(stddev_n_m).then(|| Unknown::torque_in_time(stddev_n_m))
     }
@@ -131,7 +131,7 @@ impl Search<'_> {
         // Formulas that are likeliest to err by so much call for a comparison with laws that have no name.
         let rough = 0.5 * settings.model_discrepancies.last().copied().unwrap_or(0.0);
         let mut all = Vec::new();
-        let standing = self.standing(&self.best);
+        let score = self.score(&self.best);
         let rhythm = self.rhythm();
         let best = self.fitted(&self.best).map(Converged::log_posterior);
         if let (Some((unknown, log_evidence)), Some(best)) = (rhythm.clone(), best) {
@@ -143,7 +143,7 @@ impl Search<'_> {
                 probability: 0.0,
             });
         }
-        let is_clean = standing.is_some_and(|s| s.nuisance.torque == 0 && s.relative_error < rough)
+        let is_clean = score.is_some_and(|s| s.nuisance.torque == 0 && s.relative_error < rough)
             && left < settings.noticed_stddevs
             && rhythm.is_none()
             // Errors of sensors may come and go too fast to leave a slow rest.
@@ -160,13 +160,13 @@ impl Search<'_> {
             for anchor in &anchors {
                 let Some(at) = self.fitted(anchor).cloned() else { continue };
                 let laws = self.laws_beside(&at, training)?;
-                let explained = at.standing.log_evidence
-                    - self.standing(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
+                let explained = at.score.log_evidence
+                    - self.score(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
                 // What is left of a set is another law's only where it is a good part of it.
                 let least_n_m = settings.background_share * self.problem.torques.body_n_m;
                 let is_apart = |law: &Unmodelled| {
                     let is_large = law.unknown.unit != "N m" || law.unknown.size > least_n_m;
-                    let gain = law.log_evidence - at.standing.log_evidence;
+                    let gain = law.log_evidence - at.score.log_evidence;
                     at.names.is_empty() || (is_large && gain > of_other_law(settings) * explained)
                 };
                 all.extend(laws.into_iter().filter(is_apart).map(|law| Weighted {
@@ -373,8 +373,8 @@ impl Search<'_> {
             [] => None,
             _ => self.kind(),
         };
-        let standing = self.standing(&self.best);
-        let background = standing.map(|s| self.problem.background(s.nuisance)).unwrap_or_default();
+        let score = self.score(&self.best);
+        let background = score.map(|s| self.problem.background(s.nuisance)).unwrap_or_default();
         Ok(Diagnosis {
             schema: SCHEMA,
             verdict,
@@ -386,7 +386,7 @@ impl Search<'_> {
                 stddev_n_m: background.stddev_n_m,
                 correlation_s: background.correlation_s,
             },
-            formula_error: standing.map_or(0.0, |s| s.relative_error),
+            formula_error: score.map_or(0.0, |s| s.relative_error),
             noise,
             unknown,
             slow_residual,

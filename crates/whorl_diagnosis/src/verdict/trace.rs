@@ -6,7 +6,7 @@ use crate::diagnosis::{FittedSet, ParameterOfSet};
 use crate::parameters::{Column, Point, Reference, Target};
 use crate::search::Search;
 use crate::search::prior::log_prior;
-use crate::search::standing::Converged;
+use crate::search::score::Converged;
 use crate::verdict::posterior::Belief;
 
 impl Search<'_> {
@@ -48,7 +48,7 @@ impl Search<'_> {
         let base = self.fitted.get(&Vec::new());
         let judged = set.judged.as_ref();
         let of_samples = judged.zip(base.and_then(|base| base.judged.as_ref()));
-        let of_bins = base.map(|base| (set.standing.held_log_likelihood, base.standing.held_log_likelihood));
+        let of_bins = base.map(|base| (set.score.held_log_likelihood, base.score.held_log_likelihood));
         let held = of_samples
             .map(|(set, base)| (set.likelihoods.held_out, base.likelihoods.held_out))
             .or(of_bins)
@@ -72,7 +72,7 @@ impl Search<'_> {
             effects: set.names.clone(),
             unmodelled: self.large_background(set),
             parameters,
-            log_evidence: set.standing.worth(settings),
+            log_evidence: set.score.worth(settings),
             log_evidence_bins: self.of_bins.get(&set.names).copied(),
             log_evidence_samples: judged.map(|judged| judged.likelihoods.training),
             held_out_gain: held,

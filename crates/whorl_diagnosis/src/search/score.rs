@@ -24,7 +24,7 @@ pub(crate) const BENT: f64 = 4.0;
 
 /// How a set explains the data at its own point.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Standing {
+pub(crate) struct Score {
     /// Log evidence of training and held-out data together, errors of formulas and noise of unknown size integrated out;
     /// comparable between sets.
     pub log_evidence: f64,
@@ -44,7 +44,7 @@ pub(crate) struct Standing {
     pub nuisance: Nuisance,
 }
 
-impl Standing {
+impl Score {
     /// What it is worth to believe: a fit that ended before its minimum is given what its next step promised, as far as
     /// straight formulas can be trusted.
     pub fn worth(&self, settings: &crate::Settings) -> f64 {
@@ -95,7 +95,7 @@ pub(crate) type Fitted = BTreeMap<Vec<String>, Converged>;
 #[derive(Debug, Clone)]
 pub(crate) struct Converged {
     pub names: Vec<String>,
-    pub standing: Standing,
+    pub score: Score,
     pub point: Point,
     pub motions: Arc<Vec<Motion>>,
     pub design: Design,
@@ -173,14 +173,14 @@ impl Converged {
         match (&self.judged, &smaller.judged) {
             // Bins only say what the samples say.
             (Some(set), Some(smaller)) => set.likelihoods.explain_more(&smaller.likelihoods),
-            _ => self.standing.likelihoods().explain_more(&smaller.standing.likelihoods()),
+            _ => self.score.likelihoods().explain_more(&smaller.score.likelihoods()),
         }
     }
 
     /// Log posterior, up to a constant.
     pub fn log_posterior(&self) -> f64 {
         let settings = &self.design.settings;
-        self.standing.worth(settings) + log_prior(&self.names, settings)
+        self.score.worth(settings) + log_prior(&self.names, settings)
     }
 }
 
@@ -189,10 +189,10 @@ impl Search<'_> {
     pub(crate) fn settle(&mut self, converged: Converged) -> Result<(), DiagnosisError> {
         self.point = converged.point;
         self.problem.motions = converged.motions;
-        self.problem.nuisance = converged.standing.nuisance;
-        self.relative_error = converged.standing.relative_error;
+        self.problem.nuisance = converged.score.nuisance;
+        self.relative_error = converged.score.relative_error;
         if let Some(held) = &mut self.held_out {
-            held.nuisance = converged.standing.nuisance;
+            held.nuisance = converged.score.nuisance;
         }
         self.regress()?;
         let terms: Vec<Term> =
@@ -220,11 +220,11 @@ impl Search<'_> {
 
     /// Remembers a set where it stands best, unless the samples have judged it.
     pub(crate) fn remember(&mut self, mut converged: Converged) {
-        self.watch_latency(&converged.names, converged.standing.log_evidence, &converged.point);
+        self.watch_latency(&converged.names, converged.score.log_evidence, &converged.point);
         self.note_bins(&converged);
-        converged.standing.log_evidence += self.samples_over_bins;
+        converged.score.log_evidence += self.samples_over_bins;
         let is_better = |known: &Converged| {
-            known.judged.is_none() && converged.standing.log_evidence >= known.standing.log_evidence
+            known.judged.is_none() && converged.score.log_evidence >= known.score.log_evidence
         };
         if self.fitted.get(&converged.names).is_none_or(is_better) {
             self.fitted.insert(converged.names.clone(), converged);
@@ -234,7 +234,7 @@ impl Search<'_> {
     /// Notes what bins say of a set where it stands best in them.
     pub(crate) fn note_bins(&mut self, converged: &Converged) {
         let of_set = self.of_bins.entry(converged.names.clone()).or_insert(f64::NEG_INFINITY);
-        *of_set = of_set.max(converged.standing.log_evidence);
+        *of_set = of_set.max(converged.score.log_evidence);
     }
 
     /// Compares a set no more.
@@ -252,12 +252,12 @@ impl Search<'_> {
     }
 
     fn is_admissible(&self, set: &Converged) -> bool {
-        let standing = |names: &[String]| self.fitted.get(names).map(|c| c.standing);
+        let score = |names: &[String]| self.fitted.get(names).map(|c| c.score);
         let smaller = smaller_sets(&set.names).chain([Vec::new()]);
         let explains = |names: Vec<String>| self.fitted.get(&names).is_none_or(|s| set.explains_more(s));
         smaller.into_iter().all(explains)
-            && is_no_echo(&set.names, set.standing.log_evidence, &self.options.settings, |names| {
-                standing(names).map(|s| s.log_evidence)
+            && is_no_echo(&set.names, set.score.log_evidence, &self.options.settings, |names| {
+                score(names).map(|s| s.log_evidence)
             })
     }
 
@@ -267,7 +267,7 @@ impl Search<'_> {
     }
 
     /// Linearises anew at the present best and finds its terms there.
-    pub(crate) fn relinearise(&mut self) -> Result<Standing, DiagnosisError> {
+    pub(crate) fn relinearise(&mut self) -> Result<Score, DiagnosisError> {
         let best = self.best.clone();
         let converged = match self.converge(&best)? {
             Some(converged) => converged,
@@ -277,9 +277,9 @@ impl Search<'_> {
                 self.converge(&base)?.ok_or(NO_FIT)?
             }
         };
-        let standing = converged.standing;
+        let score = converged.score;
         self.settle(converged)?;
-        Ok(standing)
+        Ok(score)
     }
 
     /// A set where it fits best, if it was fitted there.
@@ -287,15 +287,15 @@ impl Search<'_> {
         self.fitted.get(&set.names(&self.design))
     }
 
-    /// Standing of a set, if it was fitted at a point of its own.
-    pub(crate) fn standing(&self, set: &Hypothesis) -> Option<Standing> {
-        self.fitted(set).map(|c| c.standing)
+    /// Score of a set, if it was fitted at a point of its own.
+    pub(crate) fn score(&self, set: &Hypothesis) -> Option<Score> {
+        self.fitted(set).map(|c| c.score)
     }
 
     /// Log evidence that one set has over another, and twice the log likelihood: where each fits best if both were
     /// fitted there, else in the present regression.
     pub(crate) fn advantage(&self, with: &Hypothesis, without: &Hypothesis) -> (f64, f64) {
-        match (self.standing(with), self.standing(without)) {
+        match (self.score(with), self.score(without)) {
             (Some(a), Some(b)) => {
                 (a.log_evidence - b.log_evidence, 2.0 * (a.log_likelihood - b.log_likelihood))
             }
