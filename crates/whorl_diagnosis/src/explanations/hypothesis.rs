@@ -10,7 +10,7 @@ use crate::parameters::Column;
 const SIZES: [f64; 10] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0, 1000.0];
 
 /// Minus the logarithm of a size's prior probability.
-fn price_of_size(size: f64, settings: &Settings) -> f64 {
+fn prior_penalty_of_size(size: f64, settings: &Settings) -> f64 {
     (SIZES.len() as f64).ln() + rarity_nats(size, settings)
 }
 
@@ -160,7 +160,7 @@ impl Hypothesis {
                     .count();
                 let choices: f64 = terms
                     .iter()
-                    .map(|m| (m.options as f64).ln() + price_of_size(m.size, &design.settings))
+                    .map(|m| (m.options as f64).ln() + prior_penalty_of_size(m.size, &design.settings))
                     .sum();
                 let log_evidence = estimate.log_evidence - choices + signs as f64 * 2f64.ln();
                 return Some(Self { terms, estimate, log_evidence });

@@ -318,7 +318,7 @@ impl Search<'_> {
             }
             share = (1.6 * share).min(1.0);
             let promised = misfit - (total.sum_of_squares - fit.estimate.drop);
-            // Occam's factor and the price of choices, beside the likelihood.
+            // Occam's factor and the log-prior penalty of choices, beside the likelihood.
             let factor = fit.log_evidence - 0.5 * fit.estimate.drop + data.log_density + gained;
             let next = point_of(self.problem, &design, &point, &fit);
             let log_evidence = factor - 0.5 * misfit;

@@ -6,8 +6,8 @@ use crate::Settings;
 
 /// Log prior odds of a set of effects against none.
 pub(crate) fn log_prior<S: AsRef<str>>(set: &[S], settings: &Settings) -> f64 {
-    let price = |id: &S| find(id.as_ref()).map_or(0.0, |effect| effect.price_nats());
-    set.iter().map(|id| (settings.present / (1.0 - settings.present)).ln() - price(id)).sum()
+    let penalty = |id: &S| find(id.as_ref()).map_or(0.0, |effect| effect.prior_penalty_nats());
+    set.iter().map(|id| (settings.present / (1.0 - settings.present)).ln() - penalty(id)).sum()
 }
 
 /// Share of the evidence of an effect from which what is left of it is another law's, or a random torque's: an error of twice the size of

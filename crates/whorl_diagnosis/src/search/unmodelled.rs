@@ -57,7 +57,7 @@ impl Search<'_> {
             return Ok(Vec::new());
         };
         let settings = &self.options.settings;
-        let price = settings.unmodelled.ln() - ((tried.laws.len() * SIZES.len()) as f64).ln();
+        let log_prior_of_law = settings.unmodelled.ln() - ((tried.laws.len() * SIZES.len()) as f64).ln();
         let with = |law: &Law| beside(&normal, &own, law, &known);
         let scored = crate::threads::map(self.problem.threads, &tried.laws, with);
         // What a slow random torque explains instead.
@@ -69,7 +69,7 @@ impl Search<'_> {
             let drop = with.drop - without.drop;
             // A rhythm that was read off the spectrum of these data may have been at any other frequency.
             let picked = if shape.is_picked { self.problem.frequencies().ln() } else { 0.0 };
-            let gain = with.log_evidence - without.log_evidence + price - picked;
+            let gain = with.log_evidence - without.log_evidence + log_prior_of_law - picked;
             if gain < settings.worth_mentioning.ln() {
                 continue;
             }

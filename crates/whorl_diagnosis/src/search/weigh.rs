@@ -202,7 +202,7 @@ impl Search<'_> {
             return None;
         }
         let (joint_misfit, _) = at_itself(self, design, &all, &joint, &at, true)?;
-        // Occam's factor and the price of choices, beside the likelihood.
+        // Occam's factor and the log-prior penalty of choices, beside the likelihood.
         let occam = joint.log_evidence - 0.5 * joint.estimate.drop;
         let mut values = DVector::zeros(design.columns.len());
         for (slot, column) in values.iter_mut().zip(&design.columns) {

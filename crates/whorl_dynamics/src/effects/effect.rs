@@ -231,9 +231,9 @@ pub trait Effect: Sync + fmt::Debug {
         None
     }
 
-    /// Log odds against it, beside those against any effect: of a general law that holds others as special cases, which
+    /// Log-prior penalty: log odds against it, beside those against any effect: of a general law that holds others as special cases, which
     /// are the likelier explanation where they do.
-    fn price_nats(&self) -> f64 {
+    fn prior_penalty_nats(&self) -> f64 {
         0.0
     }
 
