@@ -177,9 +177,9 @@ settings! {
     /// Log evidence that is worth a second look: a larger set, a stated low-pass that is doubted, a faint effect, a longer walk of the
     /// rate, another latency, what a fit that has not ended may still gain \[nats\]. Derived from odds of 20 to 1.
     doubt_nats: f64 = 3.0, Allowed::Positive;
-    /// Log likelihood that a further step of a fit must promise \[nats\]. Derived: a tenth of `doubt_nats`.
+    /// Predicted gain of log likelihood below which a fit takes no further step \[nats\]. Derived: a tenth of `doubt_nats`.
     converged_nats: f64 = 0.3, Allowed::Positive;
-    /// Log likelihood that a fit must promise to be taken up again \[nats\]. Derived: a third of `doubt_nats`.
+    /// Predicted gain of log likelihood from which a fit is taken up again \[nats\]. Derived: a third of `doubt_nats`.
     unfinished_nats: f64 = 1.0, Allowed::Positive;
     /// Drop of the whitened misfit that cannot be overlooked, in variances of the noise: an effect of usual size would have shown, a line in
     /// the samples is there, a step went too far \[1\]. Derived from five and a half standard deviations.

@@ -45,7 +45,7 @@ pub(crate) struct Descended {
     /// Whitened misfit of the training data, prior's penalty included.
     pub misfit: f64,
     /// By how much a further step would lower the misfit.
-    pub promise: f64,
+    pub predicted_decrease: f64,
     /// Noise that the steps were taken with.
     pub nuisance: Nuisance,
     pub point: Point,
@@ -262,8 +262,8 @@ impl Search<'_> {
             .score(&self.best)
             .filter(|s| holds_best && s.nuisance == problem.nuisance)
             .map_or(f64::INFINITY, |s| s.misfit + settings.clear_misfit);
-        // What the last good step promised.
-        let mut promise = 0.0;
+        // Predicted decrease of the last good step.
+        let mut predicted_decrease = 0.0;
         for step in 0..MOST_STEPS {
             let trust = if is_first && step == 0 { Trust::AsDataSay } else { Trust::AsBefore };
             let here =
@@ -307,7 +307,7 @@ impl Search<'_> {
             if misfit > last + 2.0 * settings.converged_nats {
                 share *= 0.4;
                 // A share s of a step to the minimum of a parabola brings 1 - (1 - s)^2 of what the whole does.
-                if share * (2.0 - share) * promise < 2.0 * settings.converged_nats {
+                if share * (2.0 - share) * predicted_decrease < 2.0 * settings.converged_nats {
                     break;
                 }
                 let Some((back, target)) = best.as_ref().map(|b| &b.point).zip(target.as_ref()) else {
@@ -317,17 +317,17 @@ impl Search<'_> {
                 continue;
             }
             share = (1.6 * share).min(1.0);
-            let promised = misfit - (total.sum_of_squares - fit.estimate.drop);
+            let predicted = misfit - (total.sum_of_squares - fit.estimate.drop);
             // Occam's factor and the log-prior penalty of choices, beside the likelihood.
             let factor = fit.log_evidence - 0.5 * fit.estimate.drop + data.log_density + gained;
             let next = point_of(self.problem, &design, &point, &fit);
             let log_evidence = factor - 0.5 * misfit;
-            promise = promised;
+            predicted_decrease = predicted;
             best = Some(Descended {
                 names: fit.names(&design),
                 log_evidence,
                 misfit,
-                promise: promised.max(0.0),
+                predicted_decrease: predicted.max(0.0),
                 nuisance: problem.nuisance,
                 point: here.clone(),
                 motions: Arc::clone(&problem.motions),
@@ -335,8 +335,8 @@ impl Search<'_> {
                 terms: fit.terms.clone(),
                 data,
             });
-            if promised < 2.0 * settings.converged_nats
-                || log_evidence + BENT * 0.5 * promised + settings.doubt_nats < least
+            if predicted < 2.0 * settings.converged_nats
+                || log_evidence + BENT * 0.5 * predicted + settings.doubt_nats < least
             {
                 break;
             }

@@ -209,7 +209,7 @@ impl<'a> Search<'a> {
             if round > 0
                 && self
                     .score(&self.base)
-                    .is_some_and(|s| s.promise > 2.0 * self.options.settings.unfinished_nats)
+                    .is_some_and(|s| s.predicted_decrease > 2.0 * self.options.settings.unfinished_nats)
             {
                 // The base model did not come to its minimum from where it began; from here it may.
                 let base = self.base.clone();
@@ -291,7 +291,7 @@ impl<'a> Search<'a> {
     }
 
     /// Sets that may come near the best one and were not weighed: with one effect more, one less, or another in the place
-    /// of one. The declared rivals of its terms are among them however little they promise.
+    /// of one. The declared rivals of its terms are among them however small their predicted gain.
     fn proposals(&self, with_pairs: bool) -> Vec<Hypothesis> {
         let settings = &self.options.settings;
         let mut all = self.additions(&self.best);
@@ -319,7 +319,7 @@ impl<'a> Search<'a> {
         let weight = |h: &Hypothesis| h.log_evidence + log_prior(&h.names(&self.design), settings);
         let is_new = |h: &Hypothesis| {
             // One that did not come to its minimum may from here.
-            let is_finished = self.score(h).is_some_and(|s| s.promise < 2.0 * settings.unfinished_nats);
+            let is_finished = self.score(h).is_some_and(|s| s.predicted_decrease < 2.0 * settings.unfinished_nats);
             h.terms.len() <= self.options.largest_set && !is_finished && !h.terms.is_empty()
         };
         let leading = weight(&self.best);

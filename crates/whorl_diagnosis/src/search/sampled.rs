@@ -30,8 +30,8 @@ pub(crate) struct Asked {
     pub id: &'static str,
     /// Parameters that it enters with.
     pub entered: Entered,
-    /// Log evidence that it promises, prior included.
-    pub promise: f64,
+    /// Predicted gain of log evidence, prior included.
+    pub predicted_gain: f64,
 }
 
 /// Columns of an effect behind those of a set.
@@ -61,28 +61,28 @@ pub(crate) struct Beside {
 }
 
 impl Beside {
-    /// Effects beside the set, the most promising first.
+    /// Effects beside the set, that with the largest predicted gain first.
     pub fn asked(&self, settings: &Settings) -> Vec<Asked> {
         let mut asked: Vec<Asked> = self
             .offered
             .iter()
             .filter_map(|effect| {
                 let (gain, size, columns) = self.best_of(effect, settings)?;
-                let promise = gain - self.without + log_prior(&[effect.id], settings);
+                let predicted_gain = gain - self.without + log_prior(&[effect.id], settings);
                 let indices = columns.iter().map(|i| self.columns[*i].index).collect();
-                Some(Asked { id: effect.id, entered: Entered { indices, size }, promise })
+                Some(Asked { id: effect.id, entered: Entered { indices, size }, predicted_gain })
             })
-            .filter(|asked| asked.promise > 0.0)
+            .filter(|asked| asked.predicted_gain > 0.0)
             .collect();
-        asked.sort_by(|a, b| b.promise.total_cmp(&a.promise));
-        let least = asked.first().map_or(0.0, |best| best.promise - settings.window_nats);
-        asked.retain(|one| one.promise >= least);
+        asked.sort_by(|a, b| b.predicted_gain.total_cmp(&a.predicted_gain));
+        let least = asked.first().map_or(0.0, |best| best.predicted_gain - settings.window_nats);
+        asked.retain(|one| one.predicted_gain >= least);
         asked.truncate(MOST_ASKED);
         asked
     }
 
     /// Whether a set is not worth a mention beside one of this log posterior: if it holds the set that the samples were asked about,
-    /// and besides only effects that are linear in what they were asked for. Far from an optimum sums may promise half.
+    /// and besides only effects that are linear in what they were asked for. Far from an optimum sums may predict half.
     fn rules_out(&self, names: &[String], most: f64, settings: &Settings) -> bool {
         let is_own = |name: &String| self.names.contains(name);
         if names.len() <= self.names.len() || !self.names.iter().all(|name| names.contains(name)) {
@@ -105,8 +105,8 @@ impl Beside {
         let Some((gain, ..)) = self.gain_of(&columns, settings) else { return false };
         let gain = gain - choices - self.without;
         let most_gained = if gain > settings.window_nats { 2.0 * gain } else { gain };
-        let promise = most_gained + log_prior(names, settings) - log_prior(&self.names, settings);
-        self.log_posterior + promise < most + settings.worth_mentioning.ln()
+        let predicted_gain = most_gained + log_prior(names, settings) - log_prior(&self.names, settings);
+        self.log_posterior + predicted_gain < most + settings.worth_mentioning.ln()
     }
 
     /// The same of an effect with those of its columns that are likeliest, the choice paid for.

@@ -19,7 +19,7 @@ use crate::search::Search;
 use crate::search::prior::{is_no_echo, log_prior, smaller_sets};
 use crate::search::step::NO_FIT;
 
-/// What a fit may still gain, over what its next step promises: steps promise what straight formulas would bring, and formulas bend.
+/// What a fit may still gain, over the predicted gain of its next step: the prediction is linear, and formulas are not.
 pub(crate) const BENT: f64 = 4.0;
 
 /// How a set explains the data at its own point.
@@ -37,7 +37,7 @@ pub(crate) struct Score {
     /// Whitened misfit of the training data, prior's penalty included.
     pub misfit: f64,
     /// By how much a further step would lower the misfit: of a fit that ended before its minimum.
-    pub promise: f64,
+    pub predicted_decrease: f64,
     /// Relative error of formulas that is likeliest.
     pub relative_error: f64,
     /// Noise beside the model's that is likeliest.
@@ -45,10 +45,10 @@ pub(crate) struct Score {
 }
 
 impl Score {
-    /// What it is worth to believe: a fit that ended before its minimum is given what its next step promised, as far as
-    /// straight formulas can be trusted.
+    /// Log evidence with what the fit has not gained yet: a fit that ended before its minimum is given the predicted gain of its next step, as far as
+    /// a linear prediction is good.
     pub fn worth(&self, settings: &crate::Settings) -> f64 {
-        self.log_evidence + (0.5 * self.promise).min(settings.doubt_nats)
+        self.log_evidence + (0.5 * self.predicted_decrease).min(settings.doubt_nats)
     }
 
     fn likelihoods(&self) -> Likelihoods {

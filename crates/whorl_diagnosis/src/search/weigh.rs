@@ -219,7 +219,7 @@ impl Search<'_> {
             log_likelihood: log_density - 0.5 * misfit,
             held_log_likelihood,
             misfit,
-            promise: set.promise,
+            predicted_decrease: set.predicted_decrease,
             relative_error,
             nuisance: set.nuisance,
         };

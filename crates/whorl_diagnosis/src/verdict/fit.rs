@@ -27,7 +27,7 @@ impl Search<'_> {
             self.best = next;
         }
         // A second time where the first did not come to its minimum.
-        if self.relinearise()?.promise > 2.0 * self.options.settings.unfinished_nats {
+        if self.relinearise()?.predicted_decrease > 2.0 * self.options.settings.unfinished_nats {
             self.relinearise()?;
         }
         self.regress_held()
