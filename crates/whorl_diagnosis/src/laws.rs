@@ -12,7 +12,7 @@ use whorl_dynamics::{Environment, ModelPrior, PlatformModel};
 use whorl_recording::Recording;
 
 use crate::evidence::nuisance::Nuisance;
-use crate::evidence::problem::{Problem, Trust};
+use crate::evidence::problem::{Problem, ProcessNoise};
 use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::hypothesis::Hypothesis;
 use crate::parameters::Point;
@@ -166,7 +166,7 @@ impl LawBench {
         problem.nuisance = Nuisance::default();
         if let Some(held) = &mut held_out {
             held.nuisance = problem.nuisance;
-            held.smooth(&point, Trust::AsDataSay)?;
+            held.smooth(&point, ProcessNoise::Estimated)?;
         }
         Ok(Self { options: options.clone(), problem, held_out, point })
     }

@@ -4,7 +4,7 @@
 //!
 //! - **Bounds of work and memory**: the largest counts of steps, rounds, sets, lines, nodes, bytes (`MOST_...`, `ROUNDS`, `LONGEST_S` of
 //!   the low-pass, `NOTICED` lines). Half or twice as many change how long a diagnosis takes.
-//! - **The path of an iteration**: how a step is shortened, from where a smoother trusts a model. They change the way, not the end.
+//! - **The path of an iteration**: how a step is shortened, the process noise of a smoother on the way. They change the way, not the end.
 //! - **Accuracy of a numerical method**: widths of bins, gaps (`GAP_S`), differences, tolerances, agreement of two estimates
 //!   (`ALIKE`, `FAR_S`), choices without weight.
 //! - **Grids over which the evidence is maximised or marginalised**: `SIZES` (of an effect, of a law, of an imbalance), `COARSE_SIZES`, `STEP`

@@ -63,15 +63,15 @@ pub(crate) struct Dataset {
     pub log_density: f64,
 }
 
-/// How far the model's accelerations are trusted while a motion is smoothed: a random walk of the rate [rad/s/sqrt(s)].
+/// Process noise with which a motion is smoothed: the random walk of the rate beside the model's accelerations [rad/s/sqrt(s)].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Trust {
-    /// To within this walk.
-    Within(f64),
-    /// As far as the data of each run support it.
-    AsDataSay,
-    /// As far as in the last smoothing of the same kind: what one step of a fit changes is less than a factor of five.
-    AsBefore,
+pub(crate) enum ProcessNoise {
+    /// This walk.
+    Fixed(f64),
+    /// The walk that the data of each run support best.
+    Estimated,
+    /// That of the last smoothing of the same kind: what one step of a fit changes is less than a factor of five.
+    Previous,
 }
 
 /// The random walk of the rate that the data support best, not below `least`.
@@ -175,8 +175,8 @@ impl Problem {
     ///
     /// Sensitivities are taken along this trajectory. If it followed the gyro's noise, a reading's noise
     /// would be part of its own regressor (errors in variables), and a platform at rest would seem to have
-    /// a gyro with a scale error. Hence the model is trusted as far as it is right.
-    pub fn smooth(&mut self, point: &Point, trust: Trust) -> Result<(), DiagnosisError> {
+    /// a gyro with a scale error. Hence the process noise is only as large as the errors of the model.
+    pub fn smooth(&mut self, point: &Point, process_noise: ProcessNoise) -> Result<(), DiagnosisError> {
         let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
         let indices: Vec<usize> = (0..self.runs.len()).collect();
         let smoothed = threads::map(self.threads, &indices, |&r| {
@@ -188,9 +188,9 @@ impl Problem {
             let system = |rate_walk| self.smoothing(r, run, motion, &mechanics, &prediction, rate_walk);
             let linear = system(0.0).linear();
             let least = self.settings(r).rate_walk;
-            let walk = match (trust, self.walks.get(r)) {
-                (Trust::Within(walk), _) => walk,
-                (Trust::AsBefore, Some(walk)) => walk.max(least),
+            let walk = match (process_noise, self.walks.get(r)) {
+                (ProcessNoise::Fixed(walk), _) => walk,
+                (ProcessNoise::Previous, Some(walk)) => walk.max(least),
                 _ => likeliest_walk(least, self.reference.settings.doubt_nats, |walk| {
                     system(walk).log_likelihood(&linear)
                 }),
@@ -199,7 +199,7 @@ impl Problem {
         });
         let (motions, walks): (Vec<Motion>, Vec<f64>) = smoothed.into_iter().unzip();
         self.motions = Arc::new(motions);
-        if !matches!(trust, Trust::Within(_)) {
+        if !matches!(process_noise, ProcessNoise::Fixed(_)) {
             self.walks = walks;
         }
         self.check_attitude()
@@ -221,7 +221,7 @@ impl Problem {
         System { run, motion, mechanics, prediction, settings }
     }
 
-    /// Where no sensor tells the heading, a spring does, if the model is trusted: a walk of the rate that makes up for a
+    /// Where no sensor tells the heading, a spring does, if the process noise is small: a walk of the rate that makes up for a
     /// wrong heading would leave it where it is.
     fn turned_by_springs(&self, r: usize, run: &Run, motion: &Motion, mechanics: &Mechanics) -> Motion {
         let mut best = (motion.clone(), f64::NEG_INFINITY);
@@ -250,7 +250,7 @@ impl Problem {
     }
 
     /// Power of what accelerometer and vector sensors say against the gyro, over that of noise: no torque
-    /// enters, for the model's accelerations are not trusted. Median of the runs.
+    /// enters, for the process noise is so large that the model's accelerations do not count. Median of the runs.
     pub fn kinematic_power(&self, point: &Point) -> Result<f64, DiagnosisError> {
         let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
         let mut powers: Vec<f64> = self

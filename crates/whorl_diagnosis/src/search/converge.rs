@@ -13,7 +13,7 @@ use whorl_dynamics::effects::find;
 use crate::DiagnosisError;
 use crate::evidence::ar_noise::{ArModels, alike};
 use crate::evidence::nuisance::Nuisance;
-use crate::evidence::problem::{Dataset, Problem, Trust};
+use crate::evidence::problem::{Dataset, Problem, ProcessNoise};
 use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::{Hypothesis, Term};
@@ -265,10 +265,10 @@ impl Search<'_> {
         // Predicted decrease of the last good step.
         let mut predicted_decrease = 0.0;
         for step in 0..MOST_STEPS {
-            let trust = if is_first && step == 0 { Trust::AsDataSay } else { Trust::AsBefore };
+            let process_noise = if is_first && step == 0 { ProcessNoise::Estimated } else { ProcessNoise::Previous };
             let here =
                 Design::of_effects(&self.problem.reference, &point, &self.available, ids, &Lines::default());
-            let smoothed = problem.smooth(&point, trust);
+            let smoothed = problem.smooth(&point, process_noise);
             let made = smoothed.and_then(|()| dataset(problem, &point, &here, ar_models.clone()));
             let Some(data) = DiagnosisError::possible(made)? else { break };
             // Misfits are comparable only with the same AR models.

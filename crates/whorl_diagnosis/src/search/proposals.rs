@@ -8,7 +8,7 @@ use whorl_dynamics::effects::Rhythm;
 use crate::diagnosis::FittedSet;
 use crate::evidence::ar_noise::ArModels;
 use crate::evidence::nuisance::Nuisance;
-use crate::evidence::problem::{Dataset, Problem, Trust};
+use crate::evidence::problem::{Dataset, Problem, ProcessNoise};
 use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::{Hypothesis, Term};
 use crate::explanations::lines::Lines;
@@ -158,7 +158,7 @@ impl<'a> Search<'a> {
     /// The same of the held-out runs: nothing is searched in them, so it is made when it is asked for.
     pub(crate) fn regress_held(&mut self) -> Result<(), DiagnosisError> {
         if let Some(held) = &mut self.held_out {
-            held.smooth(&self.point, Trust::AsDataSay)?;
+            held.smooth(&self.point, ProcessNoise::Estimated)?;
             self.held_data = Some(regression_at(held, &self.point, &self.design, self.relative_error)?);
         }
         Ok(())

@@ -10,7 +10,7 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_math::statistics::normal_probability;
 use whorl_recording::Recording;
 
-use crate::evidence::problem::{Dataset, FREE_RATE_WALK, Trust};
+use crate::evidence::problem::{Dataset, FREE_RATE_WALK, ProcessNoise};
 use crate::evidence::regression::{BLOCKS_PER_RUN, Normal};
 use crate::explanations::hypothesis::Hypothesis;
 use crate::parameters::available::Available;
@@ -150,7 +150,7 @@ pub(crate) fn make_columns_for(search: &mut Search<'_>, ids: &[&str]) -> Result<
 fn go_to_leading(search: &mut Search<'_>, explanations: &[Vec<String>]) -> Result<(), DiagnosisError> {
     // The motion of further recordings is that of their readings, whatever effect they hold or not.
     if let Some(held) = &mut search.held_out {
-        held.smooth(&search.point, Trust::Within(FREE_RATE_WALK))?;
+        held.smooth(&search.point, ProcessNoise::Fixed(FREE_RATE_WALK))?;
     }
     let further = search.held_out.take();
     let leading = explanations.first().and_then(|set| explanation(search, set));

@@ -8,7 +8,7 @@ use whorl_dynamics::effects::Contribution;
 
 use crate::DiagnosisError;
 use crate::evidence::ar_noise::ArModels;
-use crate::evidence::problem::{Dataset, FREE_RATE_WALK, Problem, Trust};
+use crate::evidence::problem::{Dataset, FREE_RATE_WALK, Problem, ProcessNoise};
 use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::Hypothesis;
 use crate::parameters::available::Available;
@@ -94,9 +94,9 @@ pub(crate) fn base_point_with(
 ) -> Result<Point, DiagnosisError> {
     let available = Available::of(&problem.runs);
     let mut point = problem.reference.point();
-    smooth_all(problem, held_out, &point, Trust::Within(FREE_RATE_WALK))?;
-    smooth_all(problem, held_out, &point, Trust::Within(5e-3))?;
-    for trust in [Trust::Within(2e-3), Trust::AsDataSay] {
+    smooth_all(problem, held_out, &point, ProcessNoise::Fixed(FREE_RATE_WALK))?;
+    smooth_all(problem, held_out, &point, ProcessNoise::Fixed(5e-3))?;
+    for process_noise in [ProcessNoise::Fixed(2e-3), ProcessNoise::Estimated] {
         // What the model lacks must not bend its constants: it counts as noise until it is found.
         problem.nuisance = problem.likeliest_noise(&point, &[], Sizes::Any)?.sizes;
         if let Some(held) = held_out {
@@ -106,7 +106,7 @@ pub(crate) fn base_point_with(
         let data = dataset(problem, &point, &design, None)?;
         let base = Hypothesis::base(&design, &data.total).ok_or(NO_FIT)?;
         point = point_of(problem, &design, &point, &base);
-        smooth_all(problem, held_out, &point, trust)?;
+        smooth_all(problem, held_out, &point, process_noise)?;
     }
     problem.settle_stops()?;
     if let Some(held) = held_out {
@@ -126,11 +126,11 @@ pub(crate) fn smooth_all(
     problem: &mut Problem,
     held_out: &mut Option<&mut Problem>,
     point: &Point,
-    trust: Trust,
+    process_noise: ProcessNoise,
 ) -> Result<(), DiagnosisError> {
-    problem.smooth(point, trust)?;
+    problem.smooth(point, process_noise)?;
     if let Some(held) = held_out {
-        held.smooth(point, trust)?;
+        held.smooth(point, process_noise)?;
     }
     Ok(())
 }

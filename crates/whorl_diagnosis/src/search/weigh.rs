@@ -12,7 +12,7 @@ use whorl_dynamics::effects::{BasePrior, Role};
 
 use crate::DiagnosisError;
 use crate::evidence::discrepancy::{Discrepancy, Signal};
-use crate::evidence::problem::{Dataset, Problem, Trust};
+use crate::evidence::problem::{Dataset, Problem, ProcessNoise};
 use crate::evidence::regression::Normal;
 use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::Hypothesis;
@@ -149,7 +149,7 @@ impl Search<'_> {
             Some(held) => {
                 let mut held = held.clone();
                 (held.threads, held.nuisance) = (problem.threads, problem.nuisance);
-                held.smooth(&set.point, Trust::AsDataSay)?;
+                held.smooth(&set.point, ProcessNoise::Estimated)?;
                 let ar_models = self.held_ar_models_as_before(held.ar_models_at(&set.point)?);
                 let data = dataset(&held, &set.point, &set.design, Some(ar_models))?;
                 let of_data = held.discrepancy(&data, &set.point, &set.design);

@@ -5,7 +5,7 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::generator::{map, normal, random, record};
 use crate::evidence::nuisance::Nuisance;
-use crate::evidence::problem::{FREE_RATE_WALK, Problem, Trust};
+use crate::evidence::problem::{FREE_RATE_WALK, Problem, ProcessNoise};
 use crate::parameters::Reference;
 use crate::whitening::columns::predict;
 use crate::whitening::filter::System;
@@ -40,7 +40,7 @@ fn a_walk_of_the_gyros_bias_is_found_at_its_size() {
     let found = |run: whorl_recording::Recording| {
         let mut problem = problem_of(&model, &[run]);
         let point = problem.reference.point();
-        problem.smooth(&point, Trust::Within(FREE_RATE_WALK)).unwrap();
+        problem.smooth(&point, ProcessNoise::Fixed(FREE_RATE_WALK)).unwrap();
         problem.nuisance =
             problem.likeliest_noise(&point, &[], crate::search::climb::Sizes::Any).unwrap().sizes;
         (problem.nuisance, problem.settings(0).gyro_bias_walk)
@@ -71,7 +71,7 @@ fn a_slow_random_torque_is_found_at_its_size() {
     let run = record(&model, 13, 60.0, Some(&|t, _, _| course[(t * 100.0).round() as usize]));
     let mut problem = problem_of(&model, &[run]);
     let point = problem.reference.point();
-    problem.smooth(&point, Trust::Within(FREE_RATE_WALK)).unwrap();
+    problem.smooth(&point, ProcessNoise::Fixed(FREE_RATE_WALK)).unwrap();
     let found = problem
         .background(problem.likeliest_noise(&point, &[], crate::search::climb::Sizes::Any).unwrap().sizes);
     // Of the torque that there was; sizes are steps of a factor of three, and the nearest is off by half of one at most.
@@ -149,7 +149,7 @@ fn a_gyro_whose_noise_is_coloured_is_no_torque() {
     }
     let mut problem = problem_of(&model, &[run]);
     let point = problem.reference.point();
-    problem.smooth(&point, Trust::Within(FREE_RATE_WALK)).unwrap();
+    problem.smooth(&point, ProcessNoise::Fixed(FREE_RATE_WALK)).unwrap();
     let found = problem.likeliest_noise(&point, &[], crate::search::climb::Sizes::Any).unwrap();
     assert_eq!(found.sizes, Nuisance::default());
     // Of the sum with white noise: ten times the power at lag zero, 9 x 0.7 of it at lag one.

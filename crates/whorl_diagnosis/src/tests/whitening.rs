@@ -4,7 +4,7 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::generator::record;
 use crate::evidence::ar_noise::ArModel;
-use crate::evidence::problem::{Problem, Trust};
+use crate::evidence::problem::{Problem, ProcessNoise};
 use crate::parameters::Reference;
 
 #[test]
@@ -44,7 +44,7 @@ fn the_true_model_leaves_white_noise() {
     let mut problem = Problem::new(std::slice::from_ref(&run), reference, run.duration_s(), 1).unwrap();
     let point = problem.reference.point();
     for walk in [0.3, 5e-3] {
-        problem.smooth(&point, Trust::Within(walk)).unwrap();
+        problem.smooth(&point, ProcessNoise::Fixed(walk)).unwrap();
     }
     let linear = problem.linearise(&point).unwrap();
     let (whitened, readings) = (&linear[0].gains.whitened, &linear[0].gains.readings());
