@@ -8,7 +8,7 @@
 //! - **Accuracy of a numerical method**: widths of bins, gaps (`GAP_S`), differences, tolerances, agreement of two estimates
 //!   (`ALIKE`, `FAR_S`), choices without weight.
 //! - **Grids over which the evidence is maximised or marginalised**: `SIZES` (of an effect, of a law, of an imbalance), `COARSE_SIZES`, `STEP`
-//!   and `SIZES` of the noise, `PACES`, `WINDOWS_S`, `DAMPING`, `BESIDE`, knots of curves, the band of frequencies that is searched.
+//!   and `SIZES` of the noise, `CORRELATION_TIMES`, `WINDOWS_S`, `DAMPING`, `BESIDE`, knots of curves, the band of frequencies that is searched.
 //! - **Nothing is known**: variances so large that they say nothing (`ANY_SIZE`, `BLIND_WALK`, `FREE_RATE_WALK`, states at the start of a run).
 //! - **What noise and theory give**: 0.5 (more probable than not), growth of the variance of random jumps, clipping at five or six
 //!   standard deviations (of normal noise one reading in a million), samples below which a statistic means nothing.

@@ -19,10 +19,10 @@ const SHOWS: u8 = 3;
 const SOME: u8 = 6;
 
 /// Correlation times of a slow random torque, as shares of the whitening filter's memory, slowest first.
-pub(crate) const PACES: [f64; 3] = [1.0, 0.316_227_766_016_837_94, 0.1];
+pub(crate) const CORRELATION_TIMES: [f64; 3] = [1.0, 0.316_227_766_016_837_94, 0.1];
 
 /// The fastest of them.
-const FASTEST: u8 = PACES.len() as u8 - 1;
+const FASTEST: u8 = CORRELATION_TIMES.len() as u8 - 1;
 
 /// A bias that does not walk: it would show after so long \[s\].
 const STEADY_S: f64 = 1e4;
@@ -36,8 +36,8 @@ pub(crate) struct Nuisance {
     pub torque: u8,
     /// Noise of the wheels' torques.
     pub wheel: u8,
-    /// Its correlation time: index into [`PACES`].
-    pub pace: u8,
+    /// Its correlation time: index into [`CORRELATION_TIMES`].
+    pub correlation_time: u8,
 }
 
 impl Nuisance {
@@ -45,7 +45,7 @@ impl Nuisance {
     pub fn log_prior(self) -> f64 {
         let of_kind = |step: u8, choices: f64| if step == 0 { 0.5f64.ln() } else { (0.5 / choices).ln() };
         of_kind(self.bias, f64::from(SIZES))
-            + of_kind(self.torque, PACES.len() as f64 * f64::from(SIZES))
+            + of_kind(self.torque, CORRELATION_TIMES.len() as f64 * f64::from(SIZES))
             + of_kind(self.wheel, f64::from(SIZES))
     }
 
@@ -63,7 +63,7 @@ impl Nuisance {
         let mut all = vec![self];
         if self.torque > 0 || self.wheel > 0 {
             let kinds = [(0, 0), (SOME, 0), (SOME, FASTEST)];
-            let of_kind = |(torque, pace)| [0, SOME].map(|wheel| Self { torque, pace, wheel, ..self });
+            let of_kind = |(torque, correlation_time)| [0, SOME].map(|wheel| Self { torque, correlation_time, wheel, ..self });
             all.extend(kinds.into_iter().flat_map(of_kind));
         }
         all
@@ -84,13 +84,13 @@ impl Nuisance {
         }
         all.extend(steps(self.torque).into_iter().map(|torque| Self { torque, ..self }));
         if self.torque > 0 {
-            let paces = [self.pace.checked_sub(1), Some(self.pace + 1).filter(|pace| *pace <= FASTEST)];
-            all.extend(paces.into_iter().flatten().map(|pace| Self { pace, ..self }));
+            let correlation_times = [self.correlation_time.checked_sub(1), Some(self.correlation_time + 1).filter(|correlation_time| *correlation_time <= FASTEST)];
+            all.extend(correlation_times.into_iter().flatten().map(|correlation_time| Self { correlation_time, ..self }));
         }
         all.extend(steps(self.bias).into_iter().map(|bias| Self { bias, ..self }));
         for other in &mut all {
             if other.torque == 0 {
-                other.pace = 0;
+                other.correlation_time = 0;
             }
         }
         all

@@ -8,7 +8,7 @@ use whorl_recording::{Channel, Recording};
 use whorl_trajectory::noise::typical_step_s;
 
 use crate::evidence::ar_noise::{ArModel, ArModels, ar_log_density, ar_models_of};
-use crate::evidence::nuisance::{Nuisance, PACES, STEP};
+use crate::evidence::nuisance::{Nuisance, CORRELATION_TIMES, STEP};
 use crate::evidence::regression::{Normal, Whitened};
 use crate::bins::motion::Motion;
 use crate::bins::run::{Run, is_clamped};
@@ -295,8 +295,8 @@ impl Problem {
         if nuisance.torque == 0 {
             return Background::default();
         }
-        let pace = PACES.get(usize::from(nuisance.pace)).copied().unwrap_or(1.0);
-        let correlation_s = pace * self.memory_s;
+        let correlation_time = CORRELATION_TIMES.get(usize::from(nuisance.correlation_time)).copied().unwrap_or(1.0);
+        let correlation_s = correlation_time * self.memory_s;
         let inertia = self.reference.model.mass_properties.inertia_b_kg_m2().trace() / 3.0;
         let density = whorl_math::statistics::median(self.gyro_density.iter().copied());
         let least = inertia * density / self.memory_s / (2.0 * correlation_s).sqrt();
