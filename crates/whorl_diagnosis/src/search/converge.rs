@@ -147,12 +147,12 @@ impl Search<'_> {
         // What a set's formulas leave looks like a random torque.
         let alone = self.fitted_with(problem, from, &ids, f64::NEG_INFINITY, Sizes::Background)?;
         let base = self.score(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
-        let is_echo = |alone: &Converged| {
+        let is_leakage = |alone: &Converged| {
             let explained = f64::max(alone.score.log_evidence - base, 0.0);
             found.score.log_evidence - alone.score.log_evidence
                 <= of_other_law(&self.options.settings) * explained
         };
-        Ok(Some(alone.filter(is_echo).unwrap_or(found)))
+        Ok(Some(alone.filter(is_leakage).unwrap_or(found)))
     }
 
     /// A set where it fits best with noise of these sizes, and what it is worth there.

@@ -22,9 +22,9 @@ pub(crate) fn smaller_sets(names: &[String]) -> impl Iterator<Item = Vec<String>
     names.iter().map(without)
 }
 
-/// Whether a set of this log evidence explains more than each smaller one by more than an echo of what that one explains;
+/// Whether a set of this log evidence explains more than each smaller one by more than the misspecification leakage of what that one explains;
 /// `evidence` is that of other sets, if they were fitted.
-pub(crate) fn is_no_echo(
+pub(crate) fn is_no_leakage(
     names: &[String],
     own: f64,
     settings: &Settings,

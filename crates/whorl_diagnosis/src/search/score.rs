@@ -16,7 +16,7 @@ use crate::bins::motion::Motion;
 use crate::parameters::{Column, Point, Reference};
 use crate::refit::Refit;
 use crate::search::Search;
-use crate::search::prior::{is_no_echo, log_prior, smaller_sets};
+use crate::search::prior::{is_no_leakage, log_prior, smaller_sets};
 use crate::search::step::NO_FIT;
 
 /// What a fit may still gain, over the predicted gain of its next step: the prediction is linear, and formulas are not.
@@ -246,7 +246,7 @@ impl Search<'_> {
     }
 
     /// Sets that were fitted and may be believed: that of no effects, and those that explain training and held-out data each
-    /// better than it does and than each smaller set does that they hold, and by more than an echo of what that explains.
+    /// better than it does and than each smaller set does that they hold, and by more than the misspecification leakage of what that explains.
     pub(crate) fn admissible(&self) -> impl Iterator<Item = &Converged> {
         self.fitted.values().filter(|set| set.names.is_empty() || self.is_admissible(set))
     }
@@ -256,7 +256,7 @@ impl Search<'_> {
         let smaller = smaller_sets(&set.names).chain([Vec::new()]);
         let explains = |names: Vec<String>| self.fitted.get(&names).is_none_or(|s| set.explains_more(s));
         smaller.into_iter().all(explains)
-            && is_no_echo(&set.names, set.score.log_evidence, &self.options.settings, |names| {
+            && is_no_leakage(&set.names, set.score.log_evidence, &self.options.settings, |names| {
                 score(names).map(|s| s.log_evidence)
             })
     }

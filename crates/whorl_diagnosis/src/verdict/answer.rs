@@ -76,15 +76,15 @@ impl Search<'_> {
             delta_log_evidence: evidence,
             held_out_gain: self.gain(with, without).unwrap_or(0.0),
             share_of_excess: (drop / excess).clamp(0.0, 1.0),
-            swallowed_by_base: self.swallowed(&term.columns, with),
+            swallowed_by_base: self.absorbed(&term.columns, with),
             detectability: drop.max(0.0),
             indistinguishable_from: Vec::new(),
             parameters,
         })
     }
 
-    /// Share of a signal that refitting the base would swallow.
-    fn swallowed(&self, columns: &[usize], fit: &Hypothesis) -> f64 {
+    /// Share of a signal that refitting the base absorbs.
+    fn absorbed(&self, columns: &[usize], fit: &Hypothesis) -> f64 {
         let normal = &self.data.total;
         let mut alone = 0.0;
         for &i in columns {
