@@ -19,7 +19,7 @@ use crate::parameters::Point;
 use crate::search::Search;
 use crate::search::prospect::make_columns_for;
 use crate::search::step::{NO_FIT, base_point_with, dataset};
-use crate::whitening::columns::{GROUPS, LANES, Stray, stray_response};
+use crate::whitening::columns::{GROUPS, LANES, UnmodelledInput, unmodelled_input_response};
 use crate::whitening::mechanics::Mechanics;
 use crate::{DiagnosisError, Options, prepare, threads};
 
@@ -33,10 +33,10 @@ pub enum LawSignal {
 }
 
 impl LawSignal {
-    fn stray(self) -> Stray {
+    fn unmodelled_input(self) -> UnmodelledInput {
         match self {
-            Self::Torque(torque) => Stray::Torque(torque),
-            Self::Wheel(wheel, torque) => Stray::Wheel(wheel, torque),
+            Self::Torque(torque) => UnmodelledInput::Torque(torque),
+            Self::Wheel(wheel, torque) => UnmodelledInput::Wheel(wheel, torque),
         }
     }
 }
@@ -171,9 +171,9 @@ impl LawBench {
         Ok(Self { options: options.clone(), problem, held_out, point })
     }
 
-    /// Root mean square of the torque that turned the platform [N m].
+    /// Root mean square of the torque applied to the platform [N m].
     #[must_use]
-    pub fn torque_at_work_n_m(&self) -> f64 {
+    pub fn applied_torque_rms_n_m(&self) -> f64 {
         self.problem.torques.body_n_m
     }
 
@@ -288,10 +288,10 @@ impl LawBench {
             let responses = threads::map(problem.threads, &chunks, |chunk| {
                 let own = |signal: &Vec<LawSignal>| {
                     let none = || LawSignal::Torque(Vec::new());
-                    signal.get(first + r).cloned().unwrap_or_else(none).stray()
+                    signal.get(first + r).cloned().unwrap_or_else(none).unmodelled_input()
                 };
-                let strays: Vec<Stray> = chunk.iter().map(own).collect();
-                stray_response(run, linear, &strays)
+                let inputs: Vec<UnmodelledInput> = chunk.iter().map(own).collect();
+                unmodelled_input_response(run, linear, &inputs)
             });
             let responses = responses.into_iter().flatten().collect();
             let ar_models = data.ar_models.get(r).map_or(&[][..], Vec::as_slice);

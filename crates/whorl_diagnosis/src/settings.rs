@@ -146,10 +146,10 @@ settings! {
     /// torque must have four times that share (twice the error). Derived from an error of shape of 10 %, squared; the 10 % are an
     /// assumption: no friction, plenum or fan follows its law to better.
     misspecification: f64 = 0.01, Allowed::Share;
-    /// Standard deviation of a slow random torque, over the root mean square of the torques at work, from which it is no background
+    /// Standard deviation of a slow random torque, over the RMS of the applied torques, from which it is no background
     /// \[1\]. Measured on simulated rigs without a missing effect.
     background_share: f64 = 0.01, Allowed::Share;
-    /// Time over which rates are compared to see what torque was at work \[s\]. Assumption: longer than the gyro's noise needs, shorter
+    /// Time over which rates are compared to see what torque was applied \[s\]. Assumption: longer than the gyro's noise needs, shorter
     /// than a manoeuvre.
     at_work_s: f64 = 0.5, Allowed::Positive;
     /// Relative errors of the formulas of signals, over which is marginalised, each as likely \[1\]; a likeliest error above half of the

@@ -381,7 +381,7 @@ fn drawn(
         .collect();
     let regression = ground.bench.regression(&signals)?;
     let all: Vec<usize> = (0..DRAWN).collect();
-    let Some(fit) = regression.fit(&all, 3.0 * ground.bench.torque_at_work_n_m()) else { return Ok(None) };
+    let Some(fit) = regression.fit(&all, 3.0 * ground.bench.applied_torque_rms_n_m()) else { return Ok(None) };
     let law = law_over(term, variable, best);
     let points = (0..DRAWN)
         .map(|i| {

@@ -1,9 +1,9 @@
-//! How large the torques were that turned platform and wheels.
+//! RMS of the torques applied to platform and wheels.
 
 use crate::bins::motion::Motion;
 use crate::bins::run::Run;
 
-/// Root mean square of the torques that were at work.
+/// Root mean square of the applied torques.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Torques {
     /// On the body [N m].

@@ -72,7 +72,7 @@ const FRICTION_KNOTS: u32 = 6;
 /// Scale of the lowest of them, as a share of the largest rate.
 const SLOWEST: f64 = 0.01;
 
-/// One column's torque, as a share of what was at work.
+/// One column's torque, as a share of the applied torque RMS.
 const SHARE: f64 = 0.02;
 
 /// What a law may depend on, at one instant.
@@ -444,7 +444,7 @@ impl Shape {
     }
 }
 
-/// What a column adds at an instant where its size is 1: a share of the torque that was at work, a turn of 1e-3 rad; for the gyro, the
+/// What a column adds at an instant where its size is 1: a share of the applied torque RMS, a turn of 1e-3 rad; for the gyro, the
 /// reading at which a dead band of the shape's width would leave nothing.
 pub(crate) fn push(groups: &[Vec<Shape>], column: &Column, at: &At<'_>, torques: &Torques) -> Push {
     let Some(shape) = groups.get(column.group).and_then(|g| g.get(column.shape)) else {

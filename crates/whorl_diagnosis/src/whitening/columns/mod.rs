@@ -51,14 +51,14 @@ pub(crate) fn group_response(
 }
 
 /// What nobody has a formula for: what it adds at every node.
-pub(crate) enum Stray {
+pub(crate) enum UnmodelledInput {
     /// Torque on the body over every interval [N m].
     Torque(Vec<Vector3<f64>>),
     /// Torque on a wheel about its axis, its reaction on the body, over every interval [N m].
     Wheel(usize, Vec<f64>),
 }
 
-impl Stray {
+impl UnmodelledInput {
     fn change(&self, linearised: &Linearised) -> Change {
         let inverse = linearised.mechanics.inverse_inertia();
         let wheels = linearised.mechanics.model().wheels();
@@ -89,8 +89,8 @@ impl Stray {
 }
 
 /// Whitened sensitivities to what has no formula.
-pub(crate) fn stray_response(run: &Run, linearised: &Linearised, strays: &[Stray]) -> Vec<Vec<Lanes>> {
-    let changes: Vec<Change> = strays.iter().map(|stray| stray.change(linearised)).collect();
+pub(crate) fn unmodelled_input_response(run: &Run, linearised: &Linearised, inputs: &[UnmodelledInput]) -> Vec<Vec<Lanes>> {
+    let changes: Vec<Change> = inputs.iter().map(|input| input.change(linearised)).collect();
     pass(run, linearised, &changes)
 }
 
