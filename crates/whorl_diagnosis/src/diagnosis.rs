@@ -140,7 +140,7 @@ pub struct FittedSet {
     pub unmodelled: Option<Unknown>,
     /// What was fitted, and where; the platform's own parameters among it. Empty for a law without a name.
     pub parameters: Vec<ParameterOfSet>,
-    /// Log evidence that it is believed with.
+    /// Log evidence with which it enters the posterior.
     pub log_evidence: f64,
     /// Log evidence of bins of a smoothed motion; `None` for a set that only the samples proposed, and for laws.
     pub log_evidence_bins: Option<f64>,
@@ -153,7 +153,7 @@ pub struct FittedSet {
     pub log_prior: f64,
     /// Log posterior.
     pub log_posterior: f64,
-    /// Posterior probability, 0 to 1; 0 for a set that may not be believed: it does not lower the error, or was not judged
+    /// Posterior probability, 0 to 1; 0 for a set that is not admissible: it does not lower the error, or was not judged
     /// on the samples beside sets that were.
     pub probability: f64,
     /// Whether the samples were asked.

@@ -2,7 +2,7 @@
 //! on.
 //!
 //! A torque that any function of the motion gives passes through the whitening filter like an effect; beside the
-//! platform's own parameters it has a log evidence ([`LawRegression::fit`]). That only proposes. What is believed follows
+//! platform's own parameters it has a log evidence ([`LawRegression::fit`]). That only proposes. The answer follows
 //! from [`LawBench::weigh`]: effects of the catalogue, written ones as well, each fitted where it fits best, with the noise
 //! that is likeliest beside it, training and held-out runs together.
 

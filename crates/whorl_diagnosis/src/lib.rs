@@ -141,7 +141,7 @@ fn answer(
     if let Some(remark) = verdict::unrecorded::pulses(&search)? {
         return Ok(diagnosis.withheld(remark));
     }
-    if let (Some(what), Some(first)) = (search.beyond_belief(), search.problem.runs.first()) {
+    if let (Some(what), Some(first)) = (search.implausible_inertia(), search.problem.runs.first()) {
         let other = DiagnosisError::OtherPlatform { run: first.name.clone(), what };
         // What nothing explains may bend the model as much.
         if diagnosis.verdict != Verdict::Unknown {

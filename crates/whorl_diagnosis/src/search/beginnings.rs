@@ -16,7 +16,7 @@ use crate::search::prior::smaller_sets;
 use crate::search::score::Converged;
 
 impl Search<'_> {
-    /// Fits the likeliest of some sets, believed or not, once more from its own end with the noise that the base model needs:
+    /// Fits the likeliest of some sets, admissible or not, once more from its own end with the noise that the base model needs:
     /// from no noise, a set that cannot follow yet is forced to where it fits best by wrong values.
     pub(crate) fn fit_beside_noise(&mut self, of: &[Converged]) -> Result<(), DiagnosisError> {
         let noise = self.score(&self.base).map_or(Nuisance::default(), |base| base.nuisance);

@@ -212,7 +212,7 @@ impl Search<'_> {
         set.judged.is_none().then_some(set)
     }
 
-    /// Beside sets that were judged none is believed that was not: bins may predict more than the samples show.
+    /// Beside sets that were judged none counts that was not: bins may predict more than the samples show.
     fn forget_what_was_not_judged(&mut self) {
         while let Some(set) = self.next_rival() {
             self.forget(&set.names);

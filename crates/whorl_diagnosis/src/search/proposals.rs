@@ -1,5 +1,5 @@
 //! Which sets of explanations come near the best one: proposals from a regression of all effects, each fitted and weighed
-//! where it fits best. The search only proposes; what is believed follows from the weights ([`crate::verdict::posterior`]).
+//! where it fits best. The search only proposes; the answer follows from the weights ([`crate::verdict::posterior`]).
 
 use std::collections::BTreeMap;
 

@@ -245,7 +245,7 @@ impl Search<'_> {
         }
     }
 
-    /// Sets that were fitted and may be believed: that of no effects, and those that explain training and held-out data each
+    /// Sets that were fitted and are admissible: that of no effects, and those that explain training and held-out data each
     /// better than it does and than each smaller set does that they hold, and by more than the misspecification leakage of what that explains.
     pub(crate) fn admissible(&self) -> impl Iterator<Item = &Converged> {
         self.fitted.values().filter(|set| set.names.is_empty() || self.is_admissible(set))
@@ -261,7 +261,7 @@ impl Search<'_> {
             })
     }
 
-    /// The most probable set that may be believed.
+    /// The most probable admissible set.
     pub(crate) fn most_probable(&self) -> Option<&Converged> {
         self.admissible().max_by(|a, b| a.log_posterior().total_cmp(&b.log_posterior()))
     }

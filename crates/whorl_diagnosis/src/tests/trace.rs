@@ -44,6 +44,6 @@ fn sets_that_were_fitted_are_read_back_with_their_worth() {
     assert!((friction.value - 0.05).abs() < 4.0 * friction.stddev.unwrap(), "{friction:?}");
     let moment = base.parameters.iter().find(|p| p.group == "mass_properties").unwrap();
     assert!((1.0..20.0).contains(&moment.value) && moment.stddev.unwrap() > 0.0, "{moment:?}");
-    // What was not asked of the samples beside these is not believed, and not lost.
+    // What was not asked of the samples beside these has no probability, and is not lost.
     assert!(read.len() > 2 && read.iter().all(|set| set.log_posterior.is_finite()));
 }

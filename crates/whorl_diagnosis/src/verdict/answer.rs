@@ -19,7 +19,7 @@ use crate::search::rest::{momentum_rms, rest, worst};
 use crate::search::score::Converged;
 use crate::search::step::point_of;
 use crate::search::unmodelled::Unmodelled;
-use crate::verdict::posterior::{Belief, Weighted};
+use crate::verdict::posterior::{Posterior, Weighted};
 use crate::{Diagnosis, DiagnosisError, NextManoeuvre, SCHEMA, Verdict};
 
 impl Search<'_> {
@@ -104,7 +104,7 @@ impl Search<'_> {
         if alone > 0.0 { (followed / alone).clamp(0.0, 1.0) } else { 0.0 }
     }
 
-    /// Sets that may be believed, each with its weight.
+    /// Admissible sets, each with its weight.
     fn weighed_sets(&self) -> Vec<Weighted> {
         let weighted = |set: &Converged| Weighted {
             effects: set.names.clone(),
@@ -123,9 +123,9 @@ impl Search<'_> {
         self.problem.is_large_torque(stddev_n_m).then(|| Unknown::torque_in_time(stddev_n_m))
     }
 
-    /// What is believed of the data: sets of the catalogue's effects, and where something is left, laws without a name
+    /// The posterior given the data: over sets of the catalogue's effects, and where something is left, laws without a name
     /// beside the best of them and alone.
-    fn belief(&mut self, left: f64, training: &[Recording]) -> Result<Belief, DiagnosisError> {
+    fn posterior(&mut self, left: f64, training: &[Recording]) -> Result<Posterior, DiagnosisError> {
         let options = self.options;
         let settings = &options.settings;
         // Formulas that are likeliest to err by so much call for a comparison with laws that have no name.
@@ -179,7 +179,7 @@ impl Search<'_> {
             }
         }
         all.extend(self.weighed_sets());
-        Ok(Belief::new(all, settings))
+        Ok(Posterior::new(all, settings))
     }
 
     /// Noise of each channel of each run over what the model states. Innovations below the measured noise are not its doing.
@@ -304,9 +304,9 @@ impl Search<'_> {
         self.turning = seen.turning;
         direct.extend(seen.rows);
         let contradiction = self.contradiction();
-        let belief = self.belief(left, training)?;
-        let fitted = self.traced(&belief);
-        let mut verdict = belief.verdict(self.could_have_seen());
+        let posterior = self.posterior(left, training)?;
+        let fitted = self.traced(&posterior);
+        let mut verdict = posterior.verdict(self.could_have_seen());
         for row in &direct {
             remarks.push(format!(
                 "{}: directly visible in the samples: {}",
@@ -326,14 +326,14 @@ impl Search<'_> {
             verdict = Verdict::Unknown;
             contradiction
         } else {
-            belief.all.iter().find_map(|w| w.unknown.clone()).filter(|_| verdict == Verdict::Unknown)
+            posterior.all.iter().find_map(|w| w.unknown.clone()).filter(|_| verdict == Verdict::Unknown)
         };
-        let contenders = belief.contenders();
+        let contenders = posterior.contenders();
         if !direct.is_empty() && matches!(verdict, Verdict::NothingMissing | Verdict::NotEnoughInformation) {
             verdict = Verdict::Named;
         }
         let states_names = matches!(verdict, Verdict::Named | Verdict::Confounded);
-        let named = states_names && belief.nothing < 0.5;
+        let named = states_names && posterior.nothing < 0.5;
         let mut sets: Vec<Vec<String>> = if named { contenders } else { Vec::new() };
         if verdict == Verdict::Named {
             sets.truncate(1);
@@ -341,7 +341,7 @@ impl Search<'_> {
         if sets.is_empty() && states_names {
             sets.push(Vec::new());
         }
-        let mut explanations: Vec<Explanation> = belief.all.iter().map(Explanation::of).collect();
+        let mut explanations: Vec<Explanation> = posterior.all.iter().map(Explanation::of).collect();
         for row in direct.iter().filter(|_| states_names) {
             for set in sets.iter_mut().chain(explanations.iter_mut().map(|e| &mut e.effects)) {
                 if !set.contains(&row.effect) {

@@ -1,4 +1,4 @@
-//! The best values of chosen effects along a smoothed motion, and values beyond belief.
+//! The best values of chosen effects along a smoothed motion, and implausible values.
 
 use whorl_dynamics::Effect;
 
@@ -33,9 +33,9 @@ impl Search<'_> {
         self.regress_held()
     }
 
-    /// The moment of inertia that the best explanation has moved beyond belief, if one is: data of another platform
+    /// The moment of inertia that the best explanation has moved to an implausible value, if one is: data of another platform
     /// bend the model until something is named, and whatever that is, it is not what the model lacks.
-    pub(crate) fn beyond_belief(&self) -> Option<String> {
+    pub(crate) fn implausible_inertia(&self) -> Option<String> {
         let point = point_of(self.problem, &self.design, &self.point, &self.best);
         let (reference, settings) = (&self.problem.reference, &self.options.settings);
         let inertia = reference.model.mass_properties.inertia_b_kg_m2();

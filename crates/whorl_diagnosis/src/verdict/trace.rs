@@ -7,21 +7,21 @@ use crate::parameters::{Column, Point, Reference, Target};
 use crate::search::Search;
 use crate::search::prior::log_prior;
 use crate::search::score::Converged;
-use crate::verdict::posterior::Belief;
+use crate::verdict::posterior::Posterior;
 
 impl Search<'_> {
-    /// All sets that were fitted, and laws that were compared beside them; most probable first, then those that may not be believed.
-    pub(crate) fn traced(&self, belief: &Belief) -> Vec<FittedSet> {
-        let believed: Vec<&Vec<String>> = self.admissible().map(|set| &set.names).collect();
-        let of_set = |set: &Converged, is_believed: bool| {
-            let probability = if is_believed { belief.probability(set.log_posterior()) } else { 0.0 };
+    /// All sets that were fitted, and laws that were compared beside them; most probable first, then those that are not admissible.
+    pub(crate) fn traced(&self, posterior: &Posterior) -> Vec<FittedSet> {
+        let admissible: Vec<&Vec<String>> = self.admissible().map(|set| &set.names).collect();
+        let of_set = |set: &Converged, is_admissible: bool| {
+            let probability = if is_admissible { posterior.probability(set.log_posterior()) } else { 0.0 };
             self.traced_set(set, probability)
         };
         let mut all: Vec<FittedSet> =
-            self.fitted.values().map(|set| of_set(set, believed.contains(&&set.names))).collect();
+            self.fitted.values().map(|set| of_set(set, admissible.contains(&&set.names))).collect();
         let is_known = |set: &&FittedSet| self.fitted.contains_key(&set.effects);
         all.extend(self.forgotten.iter().filter(|set| !is_known(set)).cloned());
-        all.extend(belief.laws.iter().map(|law| FittedSet {
+        all.extend(posterior.laws.iter().map(|law| FittedSet {
             effects: law.effects.clone(),
             unmodelled: law.unknown.clone(),
             parameters: Vec::new(),

@@ -50,7 +50,7 @@ pub(crate) fn group_response(
     pass(run, linearised, &changes(run, motion, linearised, moved))
 }
 
-/// What nobody has a formula for: what it adds at every node.
+/// An input that no formula of a model gives: what it adds at every node.
 pub(crate) enum UnmodelledInput {
     /// Torque on the body over every interval [N m].
     Torque(Vec<Vector3<f64>>),
@@ -88,7 +88,7 @@ impl UnmodelledInput {
     }
 }
 
-/// Whitened sensitivities to what has no formula.
+/// Whitened sensitivities to unmodelled inputs.
 pub(crate) fn unmodelled_input_response(run: &Run, linearised: &Linearised, inputs: &[UnmodelledInput]) -> Vec<Vec<Lanes>> {
     let changes: Vec<Change> = inputs.iter().map(|input| input.change(linearised)).collect();
     pass(run, linearised, &changes)
