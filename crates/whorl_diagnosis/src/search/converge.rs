@@ -56,9 +56,9 @@ pub(crate) struct Descended {
     pub data: Dataset,
 }
 
-/// Where a fit begins.
+/// The initial guess of a fit.
 #[derive(Clone)]
-pub(super) struct Begin {
+pub(super) struct InitialGuess {
     pub point: Point,
     pub design: Design,
     pub terms: Vec<Term>,
@@ -137,7 +137,7 @@ impl Search<'_> {
         let mut problem = self.problem.clone();
         problem.threads = threads;
         problem.nuisance = noise;
-        let from = self.begin(start, &ids);
+        let from = self.initial_guess(start, &ids);
         let found = self.fitted_with(problem.clone(), from.clone(), &ids, least, Sizes::Any)?;
         let is_beside_torque = |found: &Converged| problem.is_large(found.score.nuisance);
         let found = match found {
@@ -159,7 +159,7 @@ impl Search<'_> {
     pub(super) fn fitted_with(
         &self,
         mut problem: Problem,
-        from: Begin,
+        from: InitialGuess,
         ids: &[&'static str],
         least: f64,
         sizes: Sizes,
@@ -174,7 +174,7 @@ impl Search<'_> {
     fn turns(
         &self,
         problem: &mut Problem,
-        mut from: Begin,
+        mut from: InitialGuess,
         ids: &[&'static str],
         least: f64,
         sizes: Sizes,
@@ -188,7 +188,7 @@ impl Search<'_> {
             let Some(descended) = self.descend(problem, from, ids, least, turn == 0, ar_models)? else { break };
             problem.motions = Arc::clone(&descended.motions);
             let noise = problem.likeliest_noise(&descended.point, &of_others, sizes)?;
-            from = Begin {
+            from = InitialGuess {
                 point: descended.point.clone(),
                 design: descended.design.clone(),
                 terms: descended.terms.clone(),
@@ -220,11 +220,11 @@ impl Search<'_> {
         .collect()
     }
 
-    /// Where a set that holds in the present regression begins its fit.
-    fn begin(&self, start: &Hypothesis, ids: &[&'static str]) -> Begin {
+    /// The initial guess for the fit of a set that holds in the present regression.
+    fn initial_guess(&self, start: &Hypothesis, ids: &[&'static str]) -> InitialGuess {
         let mut point = point_of(self.problem, &self.design, &self.point, start);
         self.keep_only(&mut point, ids);
-        Begin { point, design: self.design.clone(), terms: start.terms.clone() }
+        InitialGuess { point, design: self.design.clone(), terms: start.terms.clone() }
     }
 
     /// Effects that have left a set leave its point.
@@ -240,14 +240,14 @@ impl Search<'_> {
     fn descend(
         &self,
         problem: &mut Problem,
-        from: Begin,
+        from: InitialGuess,
         ids: &[&'static str],
         least: f64,
         is_first: bool,
         mut ar_models: Option<ArModels>,
     ) -> Result<Option<Descended>, DiagnosisError> {
         let settings = &self.options.settings;
-        let Begin { mut point, mut design, mut terms } = from;
+        let InitialGuess { mut point, mut design, mut terms } = from;
         let entered_as_place = terms.last().is_some_and(|m| {
             let of_last = m.columns.iter().filter_map(|i| design.columns.get(*i));
             of_last.clone().any(|c| c.origin.is_some()) && of_last.flat_map(|c| &c.step).all(|s| *s == 0.0)

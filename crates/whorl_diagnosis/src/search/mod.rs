@@ -1,6 +1,6 @@
 //! Which sets come near the best one, each fitted and weighed where it fits best.
 
-pub(crate) mod beginnings;
+pub(crate) mod initial_guesses;
 pub(crate) mod climb;
 pub(crate) mod converge;
 pub(crate) mod judge;

@@ -1,7 +1,7 @@
 //! Whole diagnoses of simulated runs.
 
 mod bad_input;
-mod beginnings;
+mod initial_guesses;
 pub(crate) mod generator;
 mod gyros;
 mod low_pass;

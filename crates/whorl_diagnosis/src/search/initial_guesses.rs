@@ -1,7 +1,7 @@
-//! Fits of the same set from other beginnings.
+//! Fits of the same set from other initial guesses.
 //!
 //! The density is not convex in values and noise together: a fit can end where no step of its own leads on, although a better
-//! end is known to exist. Two beginnings are known to lead to such ends: the noise that the base model needs, and the end of
+//! end is known to exist. Two initial guesses are known to lead to such ends: the noise that the base model needs, and the end of
 //! a larger set.
 
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use crate::evidence::nuisance::Nuisance;
 use crate::explanations::hypothesis::Term;
 use crate::search::Search;
 use crate::search::climb::Sizes;
-use crate::search::converge::Begin;
+use crate::search::converge::InitialGuess;
 use crate::search::prior::smaller_sets;
 use crate::search::score::Converged;
 
@@ -50,7 +50,7 @@ impl Search<'_> {
         let mut problem = self.problem.clone();
         problem.motions = Arc::clone(&of.motions);
         problem.nuisance = noise;
-        let from = Begin { point, design: of.design.clone(), terms };
+        let from = InitialGuess { point, design: of.design.clone(), terms };
         if let Some(found) = self.fitted_with(problem, from, &ids, f64::NEG_INFINITY, Sizes::Any)? {
             self.remember(found);
         }
