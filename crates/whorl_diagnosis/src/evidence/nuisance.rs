@@ -15,7 +15,7 @@ const SIZES: u8 = 12;
 /// Size at which a kind of noise begins to show.
 const SHOWS: u8 = 3;
 
-/// Size of each kind from which a climb begins.
+/// Initial guess of the size of each kind.
 const SOME: u8 = 6;
 
 /// Correlation times of a slow random torque, as shares of the whitening filter's memory, slowest first.
@@ -57,7 +57,7 @@ impl Nuisance {
         }
     }
 
-    /// Where a climb to the likeliest noise begins: here, and where there is noise, also without any, and with some of each
+    /// Initial guesses of the likeliest noise: here, and where there is noise, also without any, and with some of each
     /// kind. A large torque hides that the wheels have noise, and no single step leads from there.
     pub fn starts(self) -> Vec<Self> {
         let mut all = vec![self];

@@ -23,7 +23,7 @@ use crate::bins::motion::Motion;
 use crate::bins::run::Run;
 use crate::parameters::Point;
 use crate::search::Search;
-use crate::search::climb::{Noise, Sizes};
+use crate::search::noise_optimisation::{Noise, Sizes};
 use crate::search::prior::of_other_law;
 use crate::search::score::{BENT, Converged};
 use crate::search::step::{dataset, point_of};

@@ -1,7 +1,7 @@
 //! Which sets come near the best one, each fitted and weighed where it fits best.
 
 pub(crate) mod initial_guesses;
-pub(crate) mod climb;
+pub(crate) mod noise_optimisation;
 pub(crate) mod converge;
 pub(crate) mod judge;
 pub(crate) mod latency;

@@ -13,7 +13,7 @@ use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::Hypothesis;
 use crate::parameters::available::Available;
 use crate::parameters::{Point, Target};
-use crate::search::climb::Sizes;
+use crate::search::noise_optimisation::Sizes;
 
 pub(crate) const NO_FIT: DiagnosisError =
     DiagnosisError::NoTrajectory { run: String::new(), what: "the regression has no solution" };

@@ -6,7 +6,7 @@ use super::generator::record;
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::Problem;
 use crate::parameters::Reference;
-use crate::search::climb::Linears;
+use crate::search::noise_optimisation::Linears;
 use crate::whitening::columns::predict;
 use crate::whitening::filter::{Linear, System};
 use crate::whitening::mechanics::Mechanics;

@@ -11,7 +11,7 @@ use crate::whitening::filter::{Linear, System};
 use crate::whitening::mechanics::Mechanics;
 use crate::{DiagnosisError, threads};
 
-/// Sizes of the slow random torque among which a climb looks.
+/// Sizes of the slow random torque over which the noise is optimised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Sizes {
     /// Of what is background.
@@ -69,7 +69,7 @@ impl Linears {
 }
 
 impl Problem {
-    /// The noise beside what the model states that is likeliest with the model at a point, its prior included: a climb
+    /// The noise beside what the model states that is likeliest with the model at a point, its prior included: an optimisation
     /// from the noise in use and from some other kinds, step by step along each of its sizes.
     pub fn likeliest_noise(
         &self,
@@ -79,7 +79,7 @@ impl Problem {
     ) -> Result<Noise, DiagnosisError> {
         let mut starts = self.nuisance.starts();
         starts.extend(others);
-        Ok(self.climb(point, &starts, sizes)?.0)
+        Ok(self.optimise_noise(point, &starts, sizes)?.0)
     }
 
     /// AR models of the innovations with the model at a point and the noise in use.
@@ -96,12 +96,12 @@ impl Problem {
         }))
     }
 
-    /// Climbs from the likeliest of several kinds of noise; where the climb ends, and the logarithm of the density with the
+    /// Optimises the noise from the likeliest of several initial guesses; where that ends, and the logarithm of the density with the
     /// noise in use.
     ///
     /// The AR models of the innovations depend on how much torque the filter expects, and on what the model lacks: each kind
     /// of noise is evaluated with the AR models that the innovations have with it, at this point.
-    pub fn climb(
+    pub fn optimise_noise(
         &self,
         point: &Point,
         starts: &[Nuisance],
