@@ -168,7 +168,7 @@ pub fn discover(
         let answer = discovery::answer(&found);
         let json = discovery::as_json(name, &asked, Some(&found), &answer)?;
         let page = whorl_report::discovery_html(&found, &answer, &runs.facts);
-        let yaml = |law: Option<&whorl_discovery::WeighedLaw>| {
+        let yaml = |law: Option<&whorl_discovery::EvaluatedLaw>| {
             let law = law?;
             Some(effect_yaml(law.definition.as_ref()?, &format!("{}\n{source}", law.sentence)))
         };

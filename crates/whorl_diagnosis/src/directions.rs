@@ -1,4 +1,4 @@
-//! The directions in which a platform's model can be wrong, for those who weigh evidence while it comes.
+//! The directions in which a platform's model can be wrong, for those who evaluate evidence as data arrive.
 //!
 //! The columns, their priors and the ways in which effects enter are those of the diagnosis. What a direction changes
 //! of a prediction is the difference between the platform moved along it and the platform as it is.

@@ -3,7 +3,7 @@
 //!
 //! A torque that any function of the motion gives passes through the whitening filter like an effect; beside the
 //! platform's own parameters it has a log evidence ([`LawRegression::fit`]). That only proposes. The answer follows
-//! from [`LawBench::weigh`]: effects of the catalogue, written ones as well, each fitted where it fits best, with the noise
+//! from [`LawBench::evaluate`]: effects of the catalogue, written ones as well, each fitted where it fits best, with the noise
 //! that is likeliest beside it, training and held-out runs together.
 
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -123,7 +123,7 @@ fn reduced(normal: &Normal, out: &[usize], precision: &[f64]) -> Option<Normal> 
 
 /// A set of effects where it fits best.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Weighed {
+pub struct Evaluated {
     /// The effects, by their ids.
     pub effects: Vec<String>,
     /// Log evidence, training and held-out runs together; comparable between the sets of one call.
@@ -138,7 +138,7 @@ pub struct Weighed {
     pub background_n_m: f64,
 }
 
-/// Recordings and a model against which laws are weighed.
+/// Recordings and a model against which laws are evaluated.
 pub struct LawBench {
     options: Options,
     problem: Problem,
@@ -301,12 +301,12 @@ impl LawBench {
         Ok(normal)
     }
 
-    /// Weighs sets of effects, each where it fits best; the empty set is the model as it is. `None` for a set that cannot
+    /// Evaluates sets of effects, each where it fits best; the empty set is the model as it is. `None` for a set that cannot
     /// stand: an effect would have to act against its sign.
     ///
     /// # Errors
     /// An id that is no effect; as [`crate::diagnose`].
-    pub fn weigh(&self, sets: &[Vec<String>]) -> Result<Vec<Option<Weighed>>, DiagnosisError> {
+    pub fn evaluate(&self, sets: &[Vec<String>]) -> Result<Vec<Option<Evaluated>>, DiagnosisError> {
         let ids: Vec<&str> = sets.iter().flatten().map(String::as_str).collect();
         if let Some(id) = ids.iter().find(|id| find(id).is_none()) {
             return Err(DiagnosisError::UnknownEffect { id: (*id).to_owned() });
@@ -316,7 +316,7 @@ impl LawBench {
         let (mut problem, mut held_out) = (self.problem.clone(), self.held_out.clone());
         let mut search = Search::at(&mut problem, held_out.as_mut(), &options, self.point.clone())?;
         make_columns_for(&mut search, &ids)?;
-        let mut weighed = Vec::new();
+        let mut evaluated = Vec::new();
         for set in sets {
             let mut start = Some(search.base.clone());
             for id in set {
@@ -326,10 +326,10 @@ impl LawBench {
                     .and_then(|(h, c): (Hypothesis, usize)| h.with(&search.design, &search.data.total, c));
             }
             let Some(start) = start else {
-                weighed.push(None);
+                evaluated.push(None);
                 continue;
             };
-            let found = search.converge(&start)?.map(|c| Weighed {
+            let found = search.converge(&start)?.map(|c| Evaluated {
                 effects: set.clone(),
                 log_evidence: c.score.worth(&options.settings),
                 log_likelihood: c.score.log_likelihood,
@@ -340,9 +340,9 @@ impl LawBench {
                     .collect(),
                 background_n_m: search.problem.background(c.score.nuisance).stddev_n_m,
             });
-            weighed.push(found);
+            evaluated.push(found);
         }
-        Ok(weighed)
+        Ok(evaluated)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Noise that a hypothesis expects beside what the model states: a gyro's bias that walks, a slow random torque, and noise
 //! of the wheels' torques.
 //!
-//! All are there in any laboratory, to a size that nobody knows. Each set of explanations is weighed with the sizes that
+//! All are there in any laboratory, to a size that nobody knows. Each set of explanations is evaluated with the sizes that
 //! are likeliest beside it, so that a missing effect must explain what no noise of this kind does. Sizes are steps of a
 //! factor of three: where a set explains what there is, noise that is finer graded takes up what its formulas leave.
 //! A correlation time that is wrong by a factor of three leaves to others what is slower, or faster, than it allows.

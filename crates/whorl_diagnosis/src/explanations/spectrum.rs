@@ -12,7 +12,7 @@ use crate::explanations::place::Place;
 /// Lines looked at, strongest first.
 const MOST_LINES: usize = 2;
 
-/// Lines that a regression of their own weighs before they are looked at, at most.
+/// Most lines that are evaluated by a regression of their own before they are looked at.
 const MOST_FAINT: usize = 6;
 
 /// Standard deviations from which on a peak is a line at all.

@@ -167,7 +167,7 @@ impl Search<'_> {
         let Some((descended, noise)) = self.turns(&mut problem, from, ids, least, sizes)? else {
             return Ok(None);
         };
-        Ok(DiagnosisError::possible(self.weighed(descended, noise, &problem))?.flatten())
+        Ok(DiagnosisError::possible(self.evaluated(descended, noise, &problem))?.flatten())
     }
 
     /// Fits of a set by turns with the noise that is likeliest where the last one ended, and the noise where the last ended.

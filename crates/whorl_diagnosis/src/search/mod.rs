@@ -1,4 +1,4 @@
-//! Which sets come near the best one, each fitted and weighed where it fits best.
+//! Which sets come near the best one, each fitted and evaluated where it fits best.
 
 pub(crate) mod initial_guesses;
 pub(crate) mod noise_optimisation;
@@ -13,6 +13,6 @@ pub(crate) mod sampled;
 pub(crate) mod score;
 pub(crate) mod step;
 pub(crate) mod unmodelled;
-pub(crate) mod weigh;
+pub(crate) mod evaluate;
 
 pub(crate) use proposals::Search;

@@ -188,7 +188,7 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// Weighs the base model and what the samples ask for, then sets near the best one until none of them is better; ends at the most
+    /// Evaluates the base model and what the samples ask for, then sets near the best one until none of them is better; ends at the most
     /// probable set. What the samples rule out is not fitted. `None` where no filter can be run on the samples.
     pub fn run<'j>(
         &mut self,
@@ -198,7 +198,7 @@ impl<'a> Search<'a> {
         self.open_hidden(progress)?;
         let base = self.base.clone();
         self.best = base.clone();
-        self.weigh_base(&base)?;
+        self.evaluate_base(&base)?;
         let judgement = self.judge_first(judge, progress)?;
         if let Some(most) = self.most_probable_judged().filter(|most| !most.names.is_empty()).cloned() {
             self.settle(most)?;
@@ -262,7 +262,7 @@ impl<'a> Search<'a> {
 
     /// Fits the base model from the noise in use, and as sharply as any other set: constants of the platform that are far
     /// from the given ones look like noise until they are fitted, and beside so much noise they stay where they are.
-    fn weigh_base(&mut self, base: &Hypothesis) -> Result<(), DiagnosisError> {
+    fn evaluate_base(&mut self, base: &Hypothesis) -> Result<(), DiagnosisError> {
         let converged = self.converge(base)?.ok_or(NO_FIT)?;
         self.remember(converged);
         if self.problem.nuisance == Nuisance::default() {
@@ -290,7 +290,7 @@ impl<'a> Search<'a> {
         self.regress_held()
     }
 
-    /// Sets that may come near the best one and were not weighed: with one effect more, one less, or another in the place
+    /// Sets that may come near the best one and were not evaluated: with one effect more, one less, or another in the place
     /// of one. The declared rivals of its terms are among them however small their predicted gain.
     fn proposals(&self, with_pairs: bool) -> Vec<Hypothesis> {
         let settings = &self.options.settings;
@@ -390,7 +390,7 @@ impl<'a> Search<'a> {
     }
 
     /// Whether a line that hardly stands out of the spectrum is worth a look as a torque of the room, after all
-    /// frequencies at which it might have been are paid for. Each is weighed by a regression of the base model and
+    /// frequencies at which it might have been are paid for. Each is evaluated by a regression of the base model and
     /// both phases of that torque: a peak's height does not say that it has one phase in every run.
     fn has_faint_line(&mut self) -> Result<bool, DiagnosisError> {
         let hz = std::mem::take(&mut self.lines.faint_hz);

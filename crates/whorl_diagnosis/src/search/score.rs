@@ -102,7 +102,7 @@ pub(crate) struct Converged {
     pub terms: Vec<Term>,
     /// Standard deviation of each column of the design matrix, in its units; 0 = it takes no part.
     pub stddevs: Vec<f64>,
-    /// ArModels beside which it was weighed, of training runs
+    /// ArModels with which it was evaluated, of training runs
     pub ar_models: ArModels,
     /// and of held-out ones.
     pub held_ar_models: Option<ArModels>,

@@ -2,7 +2,7 @@
 //!
 //! Torques of simple shape (a function of one recorded variable, about one axis of the body or of the room) and errors of sensors are
 //! columns of the causal filter beside the parameters of a set ([`whorl_prediction::hints`]), with the slow random torque and the noise
-//! that the samples show. Each is weighed by the same evidence as the catalogue's effects, and pays for the number of laws that were
+//! that the samples show. Each is evaluated by the same evidence as the catalogue's effects, and pays for the number of laws that were
 //! tried. This is the regression of a random-walk torque on the recorded channels (Kristensen et al. 2004), without smoothing the
 //! torque first.
 

@@ -105,7 +105,7 @@ impl Search<'_> {
     }
 
     /// Admissible sets, each with its weight.
-    fn weighed_sets(&self) -> Vec<Weighted> {
+    fn evaluated_sets(&self) -> Vec<Weighted> {
         let weighted = |set: &Converged| Weighted {
             effects: set.names.clone(),
             unknown: self.large_background(set),
@@ -178,7 +178,7 @@ impl Search<'_> {
                 }));
             }
         }
-        all.extend(self.weighed_sets());
+        all.extend(self.evaluated_sets());
         Ok(Posterior::new(all, settings))
     }
 

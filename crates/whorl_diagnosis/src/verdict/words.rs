@@ -55,7 +55,7 @@ impl Explanation {
 }
 
 impl Diagnosis {
-    /// How probable a set is, to be read after its name; empty where it was not weighed.
+    /// How probable a set is, to be read after its name; empty where it was not evaluated.
     fn per_cent(&self, set: &[String]) -> String {
         let own = self.explanations.iter().find(|e| !e.with_unknown && e.effects == set);
         own.map_or_else(String::new, |e| format!(", {}", percent(e.probability)))

@@ -129,8 +129,8 @@ fn deviations(fit: &Hypothesis, columns: usize) -> Vec<f64> {
 }
 
 impl Search<'_> {
-    /// Weighs a set where it fits best, with the noise that is likeliest there.
-    pub(crate) fn weighed(
+    /// Evaluates a set where it fits best, with the noise that is likeliest there.
+    pub(crate) fn evaluated(
         &self,
         mut set: Descended,
         mut noise: Noise,
