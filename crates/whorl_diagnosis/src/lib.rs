@@ -134,7 +134,7 @@ fn answer(
     recordings: (&[Recording], &[Recording]),
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Diagnosis, DiagnosisError> {
-    search.judge_rest(judgement, progress)?;
+    search.judge_remaining(judgement, progress)?;
     progress(Progress { share: 0.95, doing: "writing the answer" });
     let mut diagnosis = search.answer(recordings.0)?;
     diagnosis.fits = search.fits_of([Vec::new(), diagnosis.effects.clone()])?;

@@ -77,7 +77,7 @@ impl Search<'_> {
 
     /// Judges what bins propose as far as the samples do not rule it out: the most probable sets, and parts of them while they are more
     /// probable.
-    pub(crate) fn judge_rest(
+    pub(crate) fn judge_remaining(
         &mut self,
         judgement: Option<Judgement<'_>>,
         progress: &mut dyn FnMut(Progress),

@@ -8,7 +8,7 @@ pub(crate) mod latency;
 pub(crate) mod prior;
 pub(crate) mod proposals;
 pub(crate) mod prospect;
-pub(crate) mod rest;
+pub(crate) mod residual;
 pub(crate) mod sampled;
 pub(crate) mod score;
 pub(crate) mod step;

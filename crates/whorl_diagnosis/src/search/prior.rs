@@ -32,7 +32,7 @@ pub(crate) fn is_no_leakage(
 ) -> bool {
     let Some(base) = evidence(&[]) else { return true };
     names.len() < 2
-        || smaller_sets(names).all(|rest| {
-            evidence(&rest).is_none_or(|rest| own - rest > settings.misspecification * (rest - base))
+        || smaller_sets(names).all(|smaller| {
+            evidence(&smaller).is_none_or(|smaller| own - smaller > settings.misspecification * (smaller - base))
         })
 }

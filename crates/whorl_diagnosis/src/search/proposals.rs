@@ -1,4 +1,4 @@
-//! Which sets of explanations come near the best one: proposals from a regression of all effects, each fitted and weighed
+//! Which sets of explanations come near the best one: proposals from a regression of all effects, each fitted and evaluated
 //! where it fits best. The search only proposes; the answer follows from the weights ([`crate::verdict::posterior`]).
 
 use std::collections::BTreeMap;
@@ -18,7 +18,7 @@ use crate::parameters::available::Available;
 use crate::search::judge::{Judge, Judgement};
 use crate::search::latency::Lateness;
 use crate::search::prior::log_prior;
-use crate::search::rest::{rest, worst};
+use crate::search::residual::{residual_powers, worst};
 use crate::search::sampled::Beside;
 use crate::search::score::{Converged, Fitted};
 use crate::search::step::{NO_FIT, base_point_with, dataset, regression_at};
@@ -300,10 +300,10 @@ impl<'a> Search<'a> {
         }
         let mut rivals: Vec<Hypothesis> = Vec::new();
         for (at, term) in self.best.terms.iter().enumerate() {
-            let Some(rest) = self.best.without(&self.design, &self.data.total, at) else { continue };
+            let Some(smaller) = self.best.without(&self.design, &self.data.total, at) else { continue };
             let declared =
                 self.design.candidates.get(term.candidate).map(|c| c.effect.info().confusable_with);
-            for swap in self.additions(&rest) {
+            for swap in self.additions(&smaller) {
                 let id =
                     swap.terms.last().and_then(|m| self.design.candidates.get(m.candidate)).map(|c| c.id);
                 if id.is_some_and(|id| declared.is_some_and(|list| list.contains(&id))) {
@@ -312,8 +312,8 @@ impl<'a> Search<'a> {
                     all.push(swap);
                 }
             }
-            if !rest.terms.is_empty() {
-                all.push(rest);
+            if !smaller.terms.is_empty() {
+                all.push(smaller);
             }
         }
         let weight = |h: &Hypothesis| h.log_evidence + log_prior(&h.names(&self.design), settings);
@@ -370,7 +370,7 @@ impl<'a> Search<'a> {
     /// Makes the columns of lines and hidden states where something is missing.
     fn open_hidden(&mut self, progress: &mut dyn FnMut(Progress)) -> Result<(), DiagnosisError> {
         let additions = self.additions(&self.base);
-        let left = rest(self.problem, &self.data, &self.design, &self.base);
+        let left = residual_powers(self.problem, &self.data, &self.design, &self.base);
         self.lines = crate::explanations::spectrum::lines(self.place(), &self.base);
         let settings = &self.options.settings;
         let faint =

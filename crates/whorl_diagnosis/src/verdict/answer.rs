@@ -15,7 +15,7 @@ use crate::explanations::hypothesis::Hypothesis;
 use crate::explanations::vibration::fast_effects;
 use crate::search::Search;
 use crate::search::prior::{log_prior, of_other_law};
-use crate::search::rest::{momentum_rms, rest, worst};
+use crate::search::residual::{momentum_rms, residual_powers, worst};
 use crate::search::score::Converged;
 use crate::search::step::point_of;
 use crate::search::unmodelled::Unmodelled;
@@ -26,7 +26,7 @@ impl Search<'_> {
     /// The slow residual before and after.
     pub(crate) fn slow_residual(&self) -> SlowResidual {
         let rms = |problem: &Problem, data: &Dataset, hypothesis: &Hypothesis| {
-            momentum_rms(&rest(problem, data, &self.design, hypothesis))
+            momentum_rms(&residual_powers(problem, data, &self.design, hypothesis))
         };
         let held = |hypothesis: &Hypothesis| match (&self.held_out, &self.held_data) {
             (Some(problem), Some(data)) => Some(rms(problem, data, hypothesis)),
@@ -146,7 +146,7 @@ impl Search<'_> {
         let is_clean = score.is_some_and(|s| s.nuisance.torque == 0 && s.relative_error < rough)
             && left < settings.noticed_stddevs
             && rhythm.is_none()
-            // Errors of sensors may come and go too fast to leave a slow rest.
+            // Errors of sensors may come and go too fast to leave a slow residual.
             && !self.best.terms.is_empty()
             // A line may be that of a torque of another kind, although nothing slow is left.
             && !self.best.names(&self.design).iter().any(|id| find(id).is_some_and(|e| e.rhythm().is_some()));
@@ -265,8 +265,8 @@ impl Search<'_> {
     fn rows(&self) -> Vec<Candidate> {
         let mut candidates: Vec<Candidate> = Vec::new();
         for term in 0..self.best.terms.len() {
-            if let Some(rest) = self.best.without(&self.design, &self.data.total, term)
-                && let Some(mut row) = self.row(&self.best, &rest, term)
+            if let Some(smaller) = self.best.without(&self.design, &self.data.total, term)
+                && let Some(mut row) = self.row(&self.best, &smaller, term)
             {
                 if let Some(parameters) = self.averaged(&self.best, term) {
                     row.parameters = parameters;
@@ -285,8 +285,8 @@ impl Search<'_> {
     pub(crate) fn answer(&mut self, training: &[Recording]) -> Result<Diagnosis, DiagnosisError> {
         let mut candidates = self.rows();
         let slow_residual = self.slow_residual();
-        let before = rest(self.problem, &self.data, &self.design, &self.base);
-        let after = rest(self.problem, &self.data, &self.design, &self.best);
+        let before = residual_powers(self.problem, &self.data, &self.design, &self.base);
+        let after = residual_powers(self.problem, &self.data, &self.design, &self.best);
         let worst_before = worst(&before);
         let share = if before[worst_before].excess() > 0.0 {
             1.0 - after[worst_before].excess().max(0.0) / before[worst_before].excess()

@@ -1,19 +1,19 @@
-//! What a set leaves of the data: slow sums that noise alone would not give.
+//! The residual of a set: slow sums that noise alone would not give.
 
 use crate::evidence::excess::{Power, WINDOWS_S, powers};
 use crate::evidence::problem::{Dataset, Problem};
 use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::Hypothesis;
 
-/// Slow power of all runs with a hypothesis.
-pub(crate) fn rest(
+/// Slow power of the residual of all runs with a hypothesis.
+pub(crate) fn residual_powers(
     problem: &Problem,
     data: &Dataset,
     design: &Design,
     hypothesis: &Hypothesis,
 ) -> [Power; WINDOWS_S.len()] {
     let mut total = [Power::default(); WINDOWS_S.len()];
-    for of_run in rest_by_run(problem, data, design, hypothesis) {
+    for of_run in residual_powers_by_run(problem, data, design, hypothesis) {
         for (sum, power) in total.iter_mut().zip(of_run) {
             sum.add(power);
         }
@@ -21,7 +21,7 @@ pub(crate) fn rest(
     total
 }
 
-fn rest_by_run(
+fn residual_powers_by_run(
     problem: &Problem,
     data: &Dataset,
     design: &Design,
