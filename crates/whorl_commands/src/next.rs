@@ -30,7 +30,7 @@ pub fn suggestion(
             "{} {} ({}); `whorl next` writes it as an experiment",
             runs.known.platform, best.manoeuvre.words, best.manoeuvre.name
         ),
-        expected_log_odds: best.prospect.log_odds.unwrap_or(0.0),
+        expected_log_odds: best.expected.log_odds.unwrap_or(0.0),
     })
 }
 

@@ -12,7 +12,7 @@ use crate::parameters::Point;
 use crate::parameters::available::Available;
 use crate::refit::{Entered, Fit, Refit};
 use crate::search::Search;
-use crate::search::prospect::make_columns_for;
+use crate::search::expected_information::make_columns_for;
 use crate::search::step::{base_point_with, point_of};
 use crate::{DiagnosisError, Options, delaying, prepare};
 

@@ -17,7 +17,7 @@ use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::hypothesis::Hypothesis;
 use crate::parameters::Point;
 use crate::search::Search;
-use crate::search::prospect::make_columns_for;
+use crate::search::expected_information::make_columns_for;
 use crate::search::step::{NO_FIT, base_point_with, dataset};
 use crate::whitening::columns::{GROUPS, LANES, UnmodelledInput, unmodelled_input_response};
 use crate::whitening::mechanics::Mechanics;

@@ -42,7 +42,7 @@ pub use error::DiagnosisError;
 pub use fitter::{Fitter, fit};
 pub use options::{Options, Progress};
 pub use refit::{Fit, FittedParameter};
-pub use search::prospect::{Prospect, Prospects, prospects};
+pub use search::expected_information::{ExpectedInformation, InformationByRun, expected_information};
 pub use settings::{Allowed, Setting, Settings};
 
 use whorl_dynamics::{ModelPrior, PlatformModel};

@@ -7,7 +7,7 @@ pub(crate) mod judge;
 pub(crate) mod latency;
 pub(crate) mod prior;
 pub(crate) mod proposals;
-pub(crate) mod prospect;
+pub(crate) mod expected_information;
 pub(crate) mod residual;
 pub(crate) mod sampled;
 pub(crate) mod score;

@@ -8,7 +8,7 @@ mod low_pass;
 mod memory;
 mod naming;
 mod noise_walks;
-mod prospects;
+mod expected_information;
 mod residual;
 mod slopes;
 mod starts;

@@ -1,4 +1,4 @@
-//! What further data would say: the basis of choosing the next manoeuvre.
+//! Expected information of further data: the basis of choosing the next manoeuvre.
 //!
 //! T-optimality (Atkinson and Fedorov, Biometrika 62, 1975): data are worth as much as the log odds that they
 //! are expected to bring between the explanations that are left. In the whitened linear regression that
@@ -19,9 +19,9 @@ use crate::search::prior::log_prior;
 use crate::search::step::regression_at;
 use crate::{DiagnosisError, Options, prepare};
 
-/// What data say, or would say.
+/// Information in data on which explanation is true: as it is, or as it is expected to be.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Prospect {
+pub struct ExpectedInformation {
     /// Log odds between the leading explanation and the next: as they are with the data at hand; with further data as the
     /// true one is expected to lead, the mean over which of them is true. A diagnosis names one alone from about 3 (20 to
     /// 1). `None` with fewer than two.
@@ -35,29 +35,29 @@ pub struct Prospect {
     pub not_shown: Vec<String>,
 }
 
-/// What the data at hand say, and what they would say together with each further recording.
+/// Information in the data at hand, and that expected together with each further recording.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Prospects {
+pub struct InformationByRun {
     /// With the data at hand.
-    pub now: Prospect,
+    pub now: ExpectedInformation,
     /// With each further recording added, in their order.
-    pub with: Vec<Prospect>,
+    pub with: Vec<ExpectedInformation>,
 }
 
-/// Judges `further` recordings, real or simulated, by what each would add to `training`. Only their motion and
-/// inputs count, not what their readings say of any effect. `explanations` are sets of effects, ids of the catalogue; an
+/// Information that each of the `further` recordings, real or simulated, is expected to add to `training`. Only their motion and
+/// inputs count, not their readings. `explanations` are sets of effects, ids of the catalogue; an
 /// empty set is the model without any.
 ///
 /// # Errors
 /// As [`crate::diagnose`].
-pub fn prospects(
+pub fn expected_information(
     training: &[Recording],
     further: &[Recording],
     model: &PlatformModel,
     prior: &ModelPrior,
     explanations: &[Vec<String>],
     options: &Options,
-) -> Result<Prospects, DiagnosisError> {
+) -> Result<InformationByRun, DiagnosisError> {
     for id in explanations.iter().flatten() {
         find(id).ok_or_else(|| DiagnosisError::UnknownEffect { id: id.clone() })?;
     }
@@ -109,7 +109,7 @@ pub fn prospects(
     let rivals: Vec<Hypothesis> = explanations.iter().filter_map(|set| explanation(&search, set)).collect();
     let nothing = Normal::zeros(search.design.columns.len());
     let weights = weights(&search, &rivals);
-    let mut now = prospect(&search, total, &nothing, &rivals, &weights);
+    let mut now = expected_of(&search, total, &nothing, &rivals, &weights);
     let mut weights_now: Vec<f64> = rivals.iter().map(|h| weight(&search, h)).collect();
     weights_now.sort_by(|a, b| b.total_cmp(a));
     now.log_odds = match weights_now.as_slice() {
@@ -125,10 +125,10 @@ pub fn prospects(
             for block in blocks {
                 added.add(block, 1.0);
             }
-            prospect(&search, total, &added, &rivals, &weights)
+            expected_of(&search, total, &added, &rivals, &weights)
         })
         .collect();
-    Ok(Prospects { now, with })
+    Ok(InformationByRun { now, with })
 }
 
 /// Makes the columns of effects that have them only on demand: lines and hidden states.
@@ -219,13 +219,13 @@ fn weights(search: &Search<'_>, rivals: &[Hypothesis]) -> Vec<f64> {
     rivals.iter().map(|h| (weight(search, h) - best).exp()).collect()
 }
 
-fn prospect(
+fn expected_of(
     search: &Search<'_>,
     data: &Normal,
     added: &Normal,
     rivals: &[Hypothesis],
     weights: &[f64],
-) -> Prospect {
+) -> ExpectedInformation {
     let settings = &search.options.settings;
     let (mut odds, mut told, mut sum) = (0.0, 0.0, 0.0);
     for (truth, (hypothesis, share)) in rivals.iter().zip(weights).enumerate() {
@@ -263,7 +263,7 @@ fn prospect(
         let list = if largest > settings.clear_misfit { &mut shown } else { &mut not_shown };
         list.push(candidate.id.to_owned());
     }
-    Prospect { log_odds, told_apart, shown, not_shown }
+    ExpectedInformation { log_odds, told_apart, shown, not_shown }
 }
 
 #[cfg(test)]
