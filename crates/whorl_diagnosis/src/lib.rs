@@ -51,7 +51,7 @@ use whorl_recording::Recording;
 use parameters::available::Available;
 use search::Search;
 use search::judge::{Judge, Judgement};
-use search::latency::Late;
+use search::latency::FoundLatency;
 
 /// Finds the effect that the model lacks.
 ///
@@ -91,15 +91,15 @@ pub fn diagnose(
     };
     let recordings = (training, held_out);
     let (search, without) = searched(&mut problem, held.as_mut(), recordings, options, progress)?;
-    let Some(late_s) = without.worth_new_bins(search.0.problem.reference.late_s, &options.settings)
+    let Some(extra_latency_s) = without.worth_new_bins(search.0.problem.reference.extra_latency_s, &options.settings)
     else {
         return Ok(noted(answer(search, recordings, progress)?));
     };
     drop(search);
     drop((problem, held));
-    let (mut problem, mut held) = prepare(training, held_out, model, prior, options, Some(late_s), progress)?;
-    let (search, late) = searched(&mut problem, held.as_mut(), recordings, options, progress)?;
-    if late.explains_more_than_others(&without, &options.settings) {
+    let (mut problem, mut held) = prepare(training, held_out, model, prior, options, Some(extra_latency_s), progress)?;
+    let (search, latency) = searched(&mut problem, held.as_mut(), recordings, options, progress)?;
+    if latency.explains_more_than_others(&without, &options.settings) {
         return Ok(noted(answer(search, recordings, progress)?));
     }
     drop(search);
@@ -119,13 +119,13 @@ fn searched<'a>(
     (training, held_out_recordings): (&'a [Recording], &'a [Recording]),
     options: &'a Options,
     progress: &mut dyn FnMut(Progress),
-) -> Result<(Searched<'a>, Late), DiagnosisError> {
+) -> Result<(Searched<'a>, FoundLatency), DiagnosisError> {
     let available = Available::of(&problem.runs);
     let judge = Judge { training, held_out: held_out_recordings, available, threads: options.threads };
     let mut search = Search::start(problem, held_out, options, progress)?;
     let judgement = search.run(judge, progress)?;
-    let late = Late::of(&search);
-    Ok(((search, judgement), late))
+    let latency = FoundLatency::of(&search);
+    Ok(((search, judgement), latency))
 }
 
 /// The answer of a search, judged by the samples.
@@ -183,7 +183,7 @@ fn delaying(
     }
 }
 
-/// Checks the inputs and divides the recordings into bins. `late_s` is the latency of the inertial units' stamps, if it
+/// Checks the inputs and divides the recordings into bins. `extra_latency_s` is the latency of the inertial units' stamps, if it
 /// differs from the model's.
 fn prepare(
     training: &[Recording],
@@ -191,7 +191,7 @@ fn prepare(
     model: &PlatformModel,
     prior: &ModelPrior,
     options: &Options,
-    late_s: Option<f64>,
+    extra_latency_s: Option<f64>,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<(evidence::problem::Problem, Option<evidence::problem::Problem>), DiagnosisError> {
     progress(Progress { share: 0.0, doing: "reading the recordings" });
@@ -205,7 +205,7 @@ fn prepare(
     }
     let mut reference = parameters::Reference::new(model, prior);
     reference.settings = options.settings;
-    reference.late_s = late_s.unwrap_or(reference.late_s);
+    reference.extra_latency_s = extra_latency_s.unwrap_or(reference.extra_latency_s);
     // All runs, including held-out ones, use bins of the same width, chosen to limit the number of nodes.
     let recordings = training.iter().chain(held_out);
     let total_s: f64 = recordings.map(Recording::duration_s).sum();

@@ -175,20 +175,20 @@ impl Run {
         self.times.node_s.partition_point(|t| *t <= time_s).saturating_sub(1)
     }
 
-    /// Checks a recording and lays it out with bins of `bin_s`. Stamps of the inertial unit are taken to be late by
-    /// `late_s` more than the model's sensors say.
+    /// Checks a recording and lays it out with bins of `bin_s`. Stamps of the inertial unit are taken to have a latency of
+    /// `extra_latency_s` beyond that of the model's sensors.
     pub fn new(
         recording: &Recording,
         model: &PlatformModel,
         bin_s: f64,
-        late_s: f64,
+        extra_latency_s: f64,
         feedback_correlation: f64,
     ) -> Result<Self, DiagnosisError> {
         check(recording, model, &NEEDS)?;
         let clamped = is_clamped(recording, model);
         // Within a bin a low-pass is a delay.
-        let latency_s = model.sensors.gyro.errors.lag_s() + late_s;
-        let accel_latency_s = model.sensors.accelerometer.errors.lag_s() + late_s;
+        let latency_s = model.sensors.gyro.errors.lag_s() + extra_latency_s;
+        let accel_latency_s = model.sensors.accelerometer.errors.lag_s() + extra_latency_s;
         let base_times: Vec<f64> = if clamped {
             recording.wheel_speed_rad_s.time_s.clone()
         } else {

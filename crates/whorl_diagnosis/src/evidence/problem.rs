@@ -110,7 +110,7 @@ impl Problem {
                 recording,
                 &reference.model,
                 bin_s,
-                reference.late_s,
+                reference.extra_latency_s,
                 reference.settings.feedback_correlation,
             )?;
             Ok::<_, DiagnosisError>((run, step_s))

@@ -16,7 +16,7 @@ use crate::explanations::place::Place;
 use crate::parameters::Point;
 use crate::parameters::available::Available;
 use crate::search::judge::{Judge, Judgement};
-use crate::search::latency::Lateness;
+use crate::search::latency::SetWithLatency;
 use crate::search::prior::log_prior;
 use crate::search::residual::{residual_powers, worst};
 use crate::search::sampled::Beside;
@@ -64,7 +64,7 @@ pub(crate) struct Search<'a> {
     /// Sets that were fitted and are not compared any more.
     pub forgotten: Vec<FittedSet>,
     /// The best set with an inertial latency.
-    pub late: Option<Lateness>,
+    pub latency: Option<SetWithLatency>,
 }
 
 impl<'a> Search<'a> {
@@ -121,7 +121,7 @@ impl<'a> Search<'a> {
             besides: Vec::new(),
             of_bins: BTreeMap::new(),
             forgotten: Vec::new(),
-            late: None,
+            latency: None,
         })
     }
 
