@@ -132,7 +132,7 @@ impl<'a> At<'a> {
     }
 
     /// From -1 at the beginning of the run to 1 at its end.
-    fn late(&self) -> f64 {
+    fn time_in_run(&self) -> f64 {
         let first_s = self.run.time(0);
         let whole_s = self.run.time(self.run.nodes().saturating_sub(1)) - first_s;
         2.0 * (self.time_s - first_s) / whole_s.max(1e-9) - 1.0
@@ -271,8 +271,8 @@ pub(crate) fn shapes(place: Place<'_>) -> Vec<Vec<Shape>> {
             shape(Box::new(speed)),
             shape(Box::new(move |at| speed(at) / speed(at).hypot(0.02))),
             shape(Box::new(move |at| speed(at).powi(3))),
-            shape(Box::new(move |at| speed(at) * at.late())),
-            shape(Box::new(move |at| speed(at) * at.late().powi(2))),
+            shape(Box::new(move |at| speed(at) * at.time_in_run())),
+            shape(Box::new(move |at| speed(at) * at.time_in_run().powi(2))),
         ]);
     }
     if problem.runs.iter().any(|run| run.jet_pulses.iter().any(|pulses| !pulses.is_empty())) {
@@ -320,7 +320,7 @@ fn of_jets() -> Vec<Vec<Shape>> {
         way: Way::Jets(of),
     };
     let edges = |variable: &str, of: Jets| {
-        vec![shape(variable, of, Box::new(|_| 1.0)), shape(variable, of, Box::new(|at| at.late()))]
+        vec![shape(variable, of, Box::new(|_| 1.0)), shape(variable, of, Box::new(|at| at.time_in_run()))]
     };
     vec![
         vec![shape("jets_open", Jets::Open, Box::new(|at| (at.open - 1.0).max(0.0)))],

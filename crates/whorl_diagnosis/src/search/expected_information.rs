@@ -135,7 +135,7 @@ pub fn expected_information(
 pub(crate) fn make_columns_for(search: &mut Search<'_>, ids: &[&str]) -> Result<(), DiagnosisError> {
     let model = &search.problem.reference.model;
     let on_demand = |id: &&str| {
-        find(id).is_some_and(|effect| effect.rhythm().is_some() || effect.hidden_states(model) > 0)
+        find(id).is_some_and(|effect| effect.periodicity().is_some() || effect.hidden_states(model) > 0)
     };
     if ids.iter().any(on_demand) && !search.with_hidden {
         search.with_hidden = true;

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use whorl_dynamics::effects::Rhythm;
+use whorl_dynamics::effects::Periodicity;
 
 use crate::diagnosis::FittedSet;
 use crate::evidence::ar_noise::ArModels;
@@ -395,7 +395,7 @@ impl<'a> Search<'a> {
     fn has_faint_line(&mut self) -> Result<bool, DiagnosisError> {
         let hz = std::mem::take(&mut self.lines.faint_hz);
         let mut candidates = self.design.candidates.iter();
-        let periodic = candidates.find(|c| c.effect.rhythm() == Some(Rhythm::Torque)).map(|c| c.id);
+        let periodic = candidates.find(|c| c.effect.periodicity() == Some(Periodicity::Torque)).map(|c| c.id);
         let Some(periodic) = periodic.filter(|_| !hz.is_empty()) else { return Ok(false) };
         let lines = Lines { torque_hz: hz.clone(), ..Lines::default() };
         let design =

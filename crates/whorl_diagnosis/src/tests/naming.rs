@@ -99,8 +99,8 @@ fn a_long_latency_is_named_with_its_size_and_explains_the_data() {
     let diagnosis = diagnosis_of(&[("imu_latency", &[("t_s", 0.015)])], 22, 50.0);
     // Late valves may be left beside it.
     assert_eq!(diagnosis.effects, ["imu_latency"], "{:?}", diagnosis.confounded_with);
-    let late = &diagnosis.candidates[0].parameters[0];
-    assert!((late.estimate - 0.015).abs() < 3.0 * late.stddev && late.stddev < 1e-3, "{late:?}");
+    let latency = &diagnosis.candidates[0].parameters[0];
+    assert!((latency.estimate - 0.015).abs() < 3.0 * latency.stddev && latency.stddev < 1e-3, "{latency:?}");
     let slow = &diagnosis.slow_residual;
     assert!(slow.after < 1.03, "{slow:?}");
 }

@@ -132,9 +132,9 @@ impl Search<'_> {
         let rough = 0.5 * settings.model_discrepancies.last().copied().unwrap_or(0.0);
         let mut all = Vec::new();
         let score = self.score(&self.best);
-        let rhythm = self.rhythm();
+        let periodicity = self.periodicity();
         let best = self.fitted(&self.best).map(Converged::log_posterior);
-        if let (Some((unknown, log_evidence)), Some(best)) = (rhythm.clone(), best) {
+        if let (Some((unknown, log_evidence)), Some(best)) = (periodicity.clone(), best) {
             all.push(Weighted {
                 effects: self.best.names(&self.design),
                 unknown: Some(unknown),
@@ -145,11 +145,11 @@ impl Search<'_> {
         }
         let is_clean = score.is_some_and(|s| s.nuisance.torque == 0 && s.relative_error < rough)
             && left < settings.noticed_stddevs
-            && rhythm.is_none()
+            && periodicity.is_none()
             // Errors of sensors may come and go too fast to leave a slow residual.
             && !self.best.terms.is_empty()
             // A line may be that of a torque of another kind, although nothing slow is left.
-            && !self.best.names(&self.design).iter().any(|id| find(id).is_some_and(|e| e.rhythm().is_some()));
+            && !self.best.names(&self.design).iter().any(|id| find(id).is_some_and(|e| e.periodicity().is_some()));
         if !is_clean {
             self.lines = crate::explanations::spectrum::lines(self.place(), &self.best);
             let mut anchors = vec![self.best.clone()];

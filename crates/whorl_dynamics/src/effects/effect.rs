@@ -5,7 +5,7 @@ use std::fmt;
 use nalgebra::{Matrix3, Vector3};
 
 use super::{
-    Aid, Clues, Contribution, EffectError, Evidence, Grouping, Need, ParameterSpec, Rhythm, Sighting, Start,
+    Aid, Clues, Contribution, EffectError, Evidence, Grouping, Need, ParameterSpec, Periodicity, Signature, Start,
     ThrustLag,
 };
 use crate::{Environment, PlatformModel};
@@ -237,8 +237,8 @@ pub trait Effect: Sync + fmt::Debug {
         0.0
     }
 
-    /// Its rhythm.
-    fn rhythm(&self) -> Option<Rhythm> {
+    /// Its periodicity.
+    fn periodicity(&self) -> Option<Periodicity> {
         None
     }
 
@@ -248,7 +248,7 @@ pub trait Effect: Sync + fmt::Debug {
     }
 
     /// What samples show of it without a regression.
-    fn sighting(&self) -> Option<Sighting> {
+    fn signature(&self) -> Option<Signature> {
         None
     }
 

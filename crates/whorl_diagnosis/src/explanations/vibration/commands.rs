@@ -53,9 +53,9 @@ pub(super) fn take_off(fast: &mut Fast<'_>, mechanics: &Mechanics) {
             .collect();
         for series in [along, integral] {
             for lag in 0..LAGS {
-                let late: Vec<f64> =
+                let delayed: Vec<f64> =
                     (0..series.len()).map(|i| i.checked_sub(lag).map_or(0.0, |at| series[at])).collect();
-                inputs.push(late);
+                inputs.push(delayed);
             }
         }
     }

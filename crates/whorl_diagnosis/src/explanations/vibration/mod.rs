@@ -8,7 +8,7 @@ mod imbalance;
 mod line;
 
 use whorl_dynamics::Effect;
-use whorl_dynamics::effects::{Sighting, catalogue};
+use whorl_dynamics::effects::{Signature, catalogue};
 use whorl_trajectory::noise::typical_step_s;
 
 use crate::Settings;
@@ -125,11 +125,11 @@ fn sample_clock(stamps_s: &[f64]) -> Option<(f64, f64)> {
             number += steps;
             expected_s += steps * step_s;
             expected_s += 0.05 * (t - expected_s);
-            let late_s = t - first_s;
+            let since_first_s = t - first_s;
             count += 1.0;
-            sums = (sums.0 + number, sums.1 + late_s);
+            sums = (sums.0 + number, sums.1 + since_first_s);
             squares += number * number;
-            products += number * late_s;
+            products += number * since_first_s;
         }
         let spread = squares - sums.0 * sums.0 / count;
         if spread <= 0.0 {
@@ -218,7 +218,7 @@ pub(crate) fn fast_effects(place: Place<'_>, point: &Point, exclude: &[String]) 
     let mut seen = Seen::default();
     // What turns with a wheel is taken off the samples before a line of its own is looked for.
     for effect in catalogue().iter().copied().filter(|effect| tested(effect.info().id)) {
-        if effect.sighting() == Some(Sighting::WheelTurn)
+        if effect.signature() == Some(Signature::WheelTurn)
             && let Some((wheel, row)) = imbalance::imbalance(&mut runs, &mechanics, effect)
         {
             seen.turning.push(wheel);
@@ -226,7 +226,7 @@ pub(crate) fn fast_effects(place: Place<'_>, point: &Point, exclude: &[String]) 
         }
     }
     for effect in catalogue().iter().copied().filter(|effect| tested(effect.info().id)) {
-        if let Some(Sighting::SensorLine { gyro, accelerometer, frequency, background }) = effect.sighting() {
+        if let Some(Signature::SensorLine { gyro, accelerometer, frequency, background }) = effect.signature() {
             let ([a, b, c], [d, e, f]) = (gyro, accelerometer);
             let names = line::Names { amplitude: [a, b, c, d, e, f], frequency, background };
             seen.rows.extend(line::vibration(&runs, effect, &names));
