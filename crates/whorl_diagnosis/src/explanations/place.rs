@@ -10,9 +10,9 @@ use crate::parameters::available::Available;
 pub(crate) struct Place<'a> {
     pub problem: &'a Problem,
     pub available: &'a Available,
-    /// Rhythms that were found so far.
+    /// Periodicities that were found so far.
     pub lines: &'a Lines,
-    /// Wheels whose turning shows in the samples themselves: their rhythm has a name.
+    /// Wheels whose turning shows in the samples themselves: their periodicity is explained.
     pub turning: &'a [usize],
     pub design: &'a Design,
     pub data: &'a Dataset,

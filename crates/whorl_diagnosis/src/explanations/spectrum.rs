@@ -40,7 +40,7 @@ pub(crate) struct Peak {
 }
 
 /// Finds lines in the whitened residual of the gyro, about axes of the room and of the body: torques that
-/// have a rhythm of their own, or that of a wheel.
+/// have a frequency of their own, or that of a wheel.
 pub(crate) fn lines(place: Place<'_>, of: &Hypothesis) -> Lines {
     let estimate = of.estimate.spread(place.design.columns.len());
     // Of each run: the residual at every node about axes of the body, and of each wheel's speed.
@@ -168,7 +168,7 @@ fn wheel_orders(place: Place<'_>, residuals: &[Residual]) -> Vec<(usize, f64, f6
         for (grid, residual) in gridded.iter().zip(residuals) {
             spectrum.add_of(grid, residual.rate.len() as f64, 1.0);
         }
-        // Slower than a few cycles a run is no rhythm of the wheel.
+        // Slower than a few cycles a run is no periodicity of the wheel.
         for peak in spectrum.peaks(step_turns, 8.0 / fewest_turns) {
             if peak.frequency < HIGHEST_ORDER {
                 found.push((wheel, peak.frequency, peak.significance));

@@ -67,7 +67,7 @@ impl Search<'_> {
             let Some(with) = with else { continue };
             let Some(shape) = tried.groups.get(law.group).and_then(|g| g.first()) else { continue };
             let drop = with.drop - without.drop;
-            // A rhythm that was read off the spectrum of these data may have been at any other frequency.
+            // A frequency that was read off the spectrum of these data may have been at any other frequency.
             let picked = if shape.is_picked { self.problem.frequencies().ln() } else { 0.0 };
             let gain = with.log_evidence - without.log_evidence + log_prior_of_law - picked;
             if gain < settings.worth_mentioning.ln() {

@@ -1,4 +1,4 @@
-//! What data show without any regression: clipped readings, sensors that contradict each other, rhythms.
+//! What data show without any regression: clipped readings, sensors that contradict each other, periodicities.
 
 use whorl_dynamics::effects::{Signature, catalogue};
 
@@ -32,7 +32,7 @@ impl Search<'_> {
         })
     }
 
-    /// A rhythm that is left in the residual and that no effect has, and its log evidence: the height of the peak as that of
+    /// A periodicity of the residual that no effect explains, and its log evidence: the height of the peak as that of
     /// a normal variable, less the number of frequencies at which it might have been.
     pub(crate) fn periodicity(&self) -> Option<(Unknown, f64)> {
         let lines = lines(self.place(), &self.best);

@@ -1,4 +1,4 @@
-//! What the valves' own rhythm leaves in fast samples.
+//! What the periodic pulses of the valves leave in fast samples.
 //!
 //! Pulses of jets come in slots, with all the harmonics of a slot, and sensors with filters, valves with delays and bodies
 //! that ring answer them a little differently from the model. All of that is an answer to a known input and no vibration:
