@@ -109,7 +109,7 @@ impl Unknown {
 pub struct Explanation {
     /// Effects of the catalogue that it holds; empty for none.
     pub effects: Vec<String>,
-    /// It also holds something without a name.
+    /// It also holds something unmodelled.
     pub with_unknown: bool,
     /// Posterior probability, 0 to 1.
     pub probability: f64,
@@ -136,9 +136,9 @@ pub struct ParameterOfSet {
 pub struct FittedSet {
     /// Effects of the catalogue that it holds; empty for none.
     pub effects: Vec<String>,
-    /// What it also holds that has no name: a law beside the effects, or a slow random torque that is no background.
+    /// What it also holds that is unmodelled: a law beside the effects, or a slow random torque that is no background.
     pub unmodelled: Option<Unknown>,
-    /// What was fitted, and where; the platform's own parameters among it. Empty for a law without a name.
+    /// What was fitted, and where; the platform's own parameters among it. Empty for an unmodelled law.
     pub parameters: Vec<ParameterOfSet>,
     /// Log evidence with which it enters the posterior.
     pub log_evidence: f64,

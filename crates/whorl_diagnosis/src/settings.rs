@@ -142,7 +142,7 @@ settings! {
     /// Probability that something is missing that the catalogue does not have, before any data \[1\]; a slow random torque beyond
     /// `background_share` counts as that. Assumption: as likely as two effects of the catalogue.
     unmodelled: f64 = 0.01, Allowed::Share;
-    /// Share of the evidence of an effect that its own wrong shape may leave to a second effect \[1\]; a law without a name or a random
+    /// Share of the evidence of an effect that its own wrong shape may leave to a second effect \[1\]; an unmodelled law or a random
     /// torque must have four times that share (twice the error). Derived from an error of shape of 10 %, squared; the 10 % are an
     /// assumption: no friction, plenum or fan follows its law to better.
     misspecification: f64 = 0.01, Allowed::Share;
@@ -153,7 +153,7 @@ settings! {
     /// than a manoeuvre.
     at_work_s: f64 = 0.5, Allowed::Positive;
     /// Relative errors of the formulas of signals, over which is marginalised, each as likely \[1\]; a likeliest error above half of the
-    /// last calls for laws without a name. Assumption: known exactly, a good calibration, a usual formula, a rough one.
+    /// last calls for unmodelled laws. Assumption: known exactly, a good calibration, a usual formula, a rough one.
     model_discrepancies: [f64; 4] = [0.0, 0.01, 0.03, 0.1], Allowed::List(4);
     /// Time over which such an error stays the same \[s\]. Assumption: shorter than a swing of a platform, within which formulas pass
     /// through their range.

@@ -24,7 +24,7 @@ pub(crate) struct Law {
     pub definition: Definition,
     /// What it is, in a sentence.
     pub sentence: String,
-    /// Log of its prior probability beside that of anything without a name.
+    /// Log of its prior probability beside that of anything unmodelled.
     pub log_prior: f64,
     pub is_curve: bool,
     pub proposal: Proposal,

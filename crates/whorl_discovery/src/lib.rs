@@ -29,8 +29,8 @@ use crate::search::{Ground, proposals};
 /// Laws that are evaluated where each fits best.
 const WEIGHED: usize = 8;
 
-/// Log prior of something that has no name, of an effect of the catalogue, as in the diagnosis.
-const NAMELESS: f64 = 0.01;
+/// Log prior of something unmodelled, of an effect of the catalogue, as in the diagnosis.
+const UNMODELLED: f64 = 0.01;
 const PRESENT: f64 = 0.005;
 
 /// Bins of the measured points that are drawn with a law.
@@ -264,7 +264,7 @@ fn ranked(
         }
         let set = i.checked_sub(1 + laws.len()).and_then(|i| named.get(i));
         let (log_prior, kind) = match (law, set) {
-            (Some(law), _) => (NAMELESS.ln() + law.log_prior, if law.is_curve { "curve" } else { "law" }),
+            (Some(law), _) => (UNMODELLED.ln() + law.log_prior, if law.is_curve { "curve" } else { "law" }),
             (None, Some(set)) => (set.len() as f64 * PRESENT.ln(), "effect"),
             (None, None) => (0.0, "nothing"),
         };

@@ -314,7 +314,7 @@ impl Problem {
         stddev_n_m > self.reference.settings.background_share * self.torques.body_n_m
     }
 
-    /// Log prior of the noise beside what the model states. A torque that is no background is something without a name.
+    /// Log prior of the noise beside what the model states. A torque that is no background is something unmodelled.
     pub fn log_prior(&self, nuisance: Nuisance) -> f64 {
         nuisance.log_prior()
             + if self.is_large(nuisance) { self.reference.settings.unmodelled.ln() } else { 0.0 }

@@ -20,7 +20,7 @@ use crate::search::score::{Converged, JudgedFit};
 /// Prior sizes that are tried, in units of a law's columns.
 const SIZES: [f64; 4] = [0.3, 3.0, 30.0, 300.0];
 
-/// A law without a name beside a set of effects.
+/// An unmodelled law beside a set of effects.
 #[derive(Debug, Clone)]
 pub(crate) struct Unmodelled {
     /// Effects beside which it stands.

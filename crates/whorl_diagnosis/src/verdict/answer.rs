@@ -123,12 +123,12 @@ impl Search<'_> {
         self.problem.is_large_torque(stddev_n_m).then(|| Unknown::torque_in_time(stddev_n_m))
     }
 
-    /// The posterior given the data: over sets of the catalogue's effects, and where something is left, laws without a name
+    /// The posterior given the data: over sets of the catalogue's effects, and where something is left, unmodelled laws
     /// beside the best of them and alone.
     fn posterior(&mut self, left: f64, training: &[Recording]) -> Result<Posterior, DiagnosisError> {
         let options = self.options;
         let settings = &options.settings;
-        // Formulas that are likeliest to err by so much call for a comparison with laws that have no name.
+        // Formulas that are likeliest to err by so much call for a comparison with unmodelled laws.
         let rough = 0.5 * settings.model_discrepancies.last().copied().unwrap_or(0.0);
         let mut all = Vec::new();
         let score = self.score(&self.best);

@@ -7,7 +7,7 @@ use crate::diagnosis::{Unknown, Verdict};
 #[derive(Debug, Clone)]
 pub(crate) struct Weighted {
     pub effects: Vec<String>,
-    /// What it holds that has no name.
+    /// What it holds that is unmodelled.
     pub unknown: Option<Unknown>,
     /// A law beside a set, not a set that was fitted.
     pub is_law: bool,
@@ -32,7 +32,7 @@ pub(crate) fn normalised(mut all: Vec<Weighted>) -> Vec<Weighted> {
 pub(crate) struct Posterior {
     /// Explanations worth mentioning, most probable first.
     pub all: Vec<Weighted>,
-    /// Probability of all that hold something without a name.
+    /// Probability of all that hold something unmodelled.
     pub unknown: f64,
     /// Probability that nothing is missing.
     pub nothing: f64,

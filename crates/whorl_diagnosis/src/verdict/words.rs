@@ -47,9 +47,9 @@ impl Explanation {
     fn title(&self) -> String {
         match (self.effects.is_empty(), self.with_unknown) {
             (true, false) => "nothing is missing".to_owned(),
-            (true, true) => "something without a name".to_owned(),
+            (true, true) => "something unmodelled".to_owned(),
             (false, false) => list(&self.effects),
-            (false, true) => format!("{} and something without a name", list(&self.effects)),
+            (false, true) => format!("{} and something unmodelled", list(&self.effects)),
         }
     }
 }
