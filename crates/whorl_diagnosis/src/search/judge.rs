@@ -332,6 +332,6 @@ fn likelihoods(fitted: &Fitted, held_out: &[Followed]) -> Likelihoods {
     Likelihoods {
         training: fitted.log_evidence,
         held_out: (!held_out.is_empty()).then_some(held_log),
-        numbers: all.map(|run| run.likelihood_alone.numbers).sum(),
+        numbers: all.map(|run| run.undisturbed_likelihood.numbers).sum(),
     }
 }
