@@ -24,7 +24,7 @@
 //!
 //! What is wrong from the first bin on is learned by the filter as far as the priors of the platform's constants allow, and
 //! what they do not allow is evidence: against a constant that is several times further off than its prior says. It is
-//! weighed from the first start on, which is never left out, and with a head start ([`Settings::head_start`]).
+//! evaluated from the first start on, which is never left out, and with a head start ([`Settings::head_start`]).
 
 use nalgebra::DMatrix;
 use whorl_diagnosis::{Direction, Directions};
@@ -60,7 +60,7 @@ struct Start {
 
 /// A suspect and how much speaks for it since one start.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Weighed {
+pub struct Evaluated {
     /// The effect.
     pub effect: &'static str,
     /// Share of all evidence against the model.
@@ -261,7 +261,7 @@ impl Evidence {
 
     /// The effects by how much speaks for them, the likeliest first.
     #[must_use]
-    pub fn weighed(&self) -> Vec<Weighed> {
+    pub fn evaluated(&self) -> Vec<Evaluated> {
         let total = self.ln_evidence();
         let mut best: Vec<Option<(f64, &Suspect, &Start)>> = vec![None; self.effects.len()];
         let mut share = vec![0.0; self.effects.len()];
@@ -272,7 +272,7 @@ impl Evidence {
                 *slot = Some((ln, suspect, start));
             }
         }
-        let mut weighed: Vec<Weighed> = best
+        let mut evaluated: Vec<Evaluated> = best
             .iter()
             .zip(&share)
             .zip(&self.effects)
@@ -282,7 +282,7 @@ impl Evidence {
                 let (estimate, stddev) =
                     estimate(suspect, &start.carried, if unmodelled { self.unmodelled_n_m } else { 1.0 })?;
                 let direction = |column: &usize| self.followed.get(*column).copied();
-                Some(Weighed {
+                Some(Evaluated {
                     effect,
                     probability: *probability,
                     directions: suspect.columns.iter().filter_map(direction).collect(),
@@ -292,8 +292,8 @@ impl Evidence {
                 })
             })
             .collect();
-        weighed.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        weighed
+        evaluated.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        evaluated
     }
 }
 
