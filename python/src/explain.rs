@@ -99,7 +99,7 @@ pub fn locate(
     watched(py, progress, move |say| {
         let found = whorl_explain::locate(&runs.case(), &options(), say)?;
         let json = location::as_json(&runs.known.platform, &found)?;
-        Ok((json.to_string(), whorl_report::whereabouts_html(&found, &runs.facts)))
+        Ok((json.to_string(), whorl_report::localisation_html(&found, &runs.facts)))
     })
 }
 

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use whorl_diagnosis::{Fit, Options, fit};
 use whorl_dynamics::PlatformModel;
 use whorl_recording::Recording;
-use whorl_validation::{Followed, UnexplainedTorques, Whereabouts, explain_where};
+use whorl_validation::{Followed, UnexplainedTorques, Localisation, explain_where};
 
 use crate::adopt::belief::farthest;
 use crate::{Case, ExplainError, Say};
@@ -17,9 +17,9 @@ const MOST_STDDEVS: f64 = 5.0;
 #[derive(Debug, Clone)]
 pub struct Located {
     /// All runs together.
-    pub pooled: Whereabouts,
+    pub pooled: Localisation,
     /// Each run by itself, training runs first; empty where there is only one.
-    pub runs: Vec<Whereabouts>,
+    pub runs: Vec<Localisation>,
     /// The unexplained torques themselves, run by run, for plots.
     pub torques: Vec<UnexplainedTorques>,
     /// The model that leaves them: the platform's own parameters refitted to the training runs.

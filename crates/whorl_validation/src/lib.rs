@@ -12,9 +12,9 @@ pub mod statistics;
 #[cfg(test)]
 mod tests;
 mod unexplained;
-mod whereabouts;
+mod localisation;
 
 pub use comparison::{Comparison, SMALL_ERROR, compare, prediction_error};
 pub use error::ValidationError;
 pub use unexplained::{UnexplainedTorques, unexplained_torques};
-pub use whereabouts::{Followed, OfMotor, Whereabouts, explain_where};
+pub use localisation::{Followed, OfMotor, Localisation, explain_where};

@@ -8,7 +8,7 @@ mod discovery;
 mod proposal;
 mod trends;
 mod versions;
-mod whereabouts;
+mod localisation;
 
 pub use adoption::adoption_html;
 pub use comparison::comparison_html;
@@ -16,7 +16,7 @@ pub use diagnosis::diagnosis_html;
 pub use discovery::discovery_html;
 pub use proposal::{NextPage, PlannedMotion, next_html};
 pub use trends::trends_html;
-pub use whereabouts::whereabouts_html;
+pub use localisation::localisation_html;
 
 use crate::document::Document;
 use maud::Markup;

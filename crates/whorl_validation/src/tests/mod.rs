@@ -7,4 +7,4 @@ mod memory;
 mod pendulums;
 mod rigs;
 mod statistics;
-mod whereabouts;
+mod localisation;
