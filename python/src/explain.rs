@@ -14,7 +14,7 @@ use whorl_commands::{
 use whorl_commands::{locate as location, options, simulate::utc_now};
 use whorl_diagnosis::Options;
 use whorl_dynamics::effects::find;
-use whorl_explain::Say;
+use whorl_explain::ProgressCallback;
 use whorl_identification::Settings;
 use whorl_params::effect_yaml;
 use whorl_recording::KnownPlatform;
@@ -227,7 +227,7 @@ pub fn identify(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Option<Platform>)> {
     let Material { runs, .. } = material(&training, &[], platform, "identify")?;
-    watched(py, progress, move |say: &mut Say<'_>| {
+    watched(py, progress, move |say: &mut ProgressCallback<'_>| {
         if !(prior_scale > 0.0 && prior_scale.is_finite()) {
             bail!("prior_scale is {prior_scale}; allowed: a positive number");
         }

@@ -17,7 +17,7 @@ pub use experiment::yaml;
 pub use family::{Actuators, Drive, Envelope, Excitation, Manoeuvre, Step, family};
 pub use words::{log_odds_in_words, needs_run};
 
-use crate::{Case, ExplainError, Say};
+use crate::{Case, ExplainError, ProgressCallback};
 
 /// How often a manoeuvre beyond the limits is scaled down, and by how much each time.
 const ATTEMPTS: usize = 4;
@@ -87,7 +87,7 @@ pub fn propose(
     diagnosis: &Diagnosis,
     options: &Options,
     rehearse: &Rehearse<'_>,
-    say: &mut Say<'_>,
+    say: &mut ProgressCallback<'_>,
 ) -> Result<Proposal, ExplainError> {
     if case.training.iter().all(|r| r.mounting == Mounting::Clamped) {
         return Err(ExplainError::Clamped);
