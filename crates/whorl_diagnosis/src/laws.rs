@@ -1,5 +1,4 @@
-//! Laws that somebody else proposes, under the evidence of this crate: what a search for the form of a missing law stands
-//! on.
+//! Evaluates laws that a caller proposes by the evidence of this crate: the basis of a search for the form of a missing law.
 //!
 //! A torque that any function of the motion gives passes through the whitening filter like an effect; beside the
 //! platform's own parameters it has a log evidence ([`LawRegression::fit`]). That only proposes. The answer follows
@@ -162,7 +161,7 @@ impl LawBench {
         let (mut problem, mut held_out) =
             prepare(training, held_out, model, prior, options, None, &mut |_| {})?;
         let point = base_point_with(&mut problem, &mut held_out.as_mut())?;
-        // A law must be seen as sharply as it can be: noise that stands in for it would hide it.
+        // A law must show as clearly as it can: process noise that stands in for it would hide it.
         problem.nuisance = Nuisance::default();
         if let Some(held) = &mut held_out {
             held.nuisance = problem.nuisance;

@@ -109,7 +109,7 @@ pub fn diagnose(
     Ok(noted(answer(search, recordings, progress)?))
 }
 
-/// A search, with what its sets are judged beside.
+/// A search, with the reference against which its sets are judged.
 type Searched<'a> = (Search<'a>, Option<Judgement<'a>>);
 
 /// A search, and what it found of a latency.
@@ -143,7 +143,7 @@ fn answer(
     }
     if let (Some(what), Some(first)) = (search.implausible_inertia(), search.problem.runs.first()) {
         let other = DiagnosisError::OtherPlatform { run: first.name.clone(), what };
-        // What nothing explains may bend the model as much.
+        // A missing effect that nothing explains may bias the model as much.
         if diagnosis.verdict != Verdict::Unknown {
             return Err(other);
         }

@@ -39,7 +39,7 @@ pub struct FittedParameter {
     pub before: f64,
     /// Estimate.
     pub estimate: f64,
-    /// Standard deviation of the estimate: no more than was known before; of a constant of the platform what was known, where the
+    /// Standard deviation of the estimate: not above that of the prior; of a constant of the platform that of the prior, where the
     /// fit leaves something unexplained.
     pub stddev: f64,
     /// Standard deviation of the posterior itself.
@@ -174,8 +174,8 @@ impl<'a> Refit<'a> {
         let reference = self.reference;
         let point = self.point(&fitted.at);
         let model = self.folded(&point)?;
-        // While something else is missing, the constants bend to follow it, and how well they seem to be known
-        // says nothing: they keep the given uncertainty, so that the next fit can bring them back.
+        // While another effect is missing, the constants are biased by it, and their posterior deviations mean nothing: they
+        // keep the given uncertainty, so that the next fit can correct them.
         let is_explained = fitted.followed.iter().all(|run| !run.noise.disturbance.is_some());
         let mut prior = reference.prior.clone();
         let mut estimates = Vec::new();

@@ -1,6 +1,6 @@
 //! Every number that a verdict depends on and that somebody chose.
 //!
-//! Numbers of these kinds are no settings, and stand where they are used:
+//! Numbers of these kinds are no settings; they are constants where they are used:
 //!
 //! - **Bounds of work and memory**: the largest counts of steps, rounds, sets, lines, nodes, bytes (`MOST_...`, `ROUNDS`, `LONGEST_S` of
 //!   the low-pass, `NOTICED` lines). Half or twice as many change how long a diagnosis takes.
@@ -12,7 +12,7 @@
 //! - **Nothing is known**: variances so large that they say nothing (`ANY_SIZE`, `BLIND_WALK`, `FREE_RATE_WALK`, states at the start of a run).
 //! - **What noise and theory give**: 0.5 (more probable than not), growth of the variance of random jumps, clipping at five or six
 //!   standard deviations (of normal noise one reading in a million), samples below which a statistic means nothing.
-//! - **What is printed** once a verdict stands: how many rows, from which probability on.
+//! - **What is printed** once the verdict is known: how many rows, from which probability on.
 
 use std::fmt;
 
@@ -184,13 +184,13 @@ settings! {
     /// Drop of the whitened misfit that cannot be overlooked, in variances of the noise: an effect of usual size would have shown, a line in
     /// the samples is there, a step went too far \[1\]. Derived from five and a half standard deviations.
     clear_misfit: f64 = 30.0, Allowed::Positive;
-    /// Standard deviations from which what is left is worth a search, and by which the noise of a run is odd \[1\]. Derived: chance in
+    /// Standard deviations from which the residual is worth a search, and by which the noise of a run is odd \[1\]. Derived: chance in
     /// one of two hundred run sets, over four windows.
     noticed_stddevs: f64 = 3.0, Allowed::Positive;
     /// Standard deviations from which a line or a friction of gimbals is no chance \[1\]. Derived from 10^4 frequencies: one false line in 5000
     /// run sets.
     certain_stddevs: f64 = 5.5, Allowed::Positive;
-    /// Standard deviations from which what the best set leaves is real, and laws are looked for without it as well \[1\]. Assumption.
+    /// Standard deviations from which the residual of the best set is real, and laws are looked for without it as well \[1\]. Assumption.
     real_rest_stddevs: f64 = 8.0, Allowed::Positive;
     /// Factor between stated and true noise that is usual \[1\]. Assumption: spread of data sheets.
     noise_factor: f64 = 1.3, Allowed::Positive;

@@ -96,8 +96,8 @@ impl ArModel {
                 best = Self { coefficients: a.clone(), stddev: power.sqrt().max(1e-3), power: r[0] };
             }
         }
-        // Innovations smaller than the measured noise come of too much random torque in the filter: readings are no better
-        // than their second differences, and divided by less, the torque would never be found to be too much.
+        // Innovations smaller than the measured noise are a sign of too much random torque in the filter: readings are no
+        // better than their second differences. If innovations were scaled up here, the excess torque would never be found.
         best.stddev /= r[0].clamp(1e-6, 1.0).sqrt();
         best
     }

@@ -1,10 +1,10 @@
 //! Noise that a hypothesis expects beside what the model states: a gyro's bias that walks, a slow random torque, and noise
 //! of the wheels' torques.
 //!
-//! All are there in any laboratory, to a size that nobody knows. Each set of explanations is evaluated with the sizes that
-//! are likeliest beside it, so that a missing effect must explain what no noise of this kind does. Sizes are steps of a
-//! factor of three: where a set explains what there is, noise that is finer graded takes up what its formulas leave.
-//! A correlation time that is wrong by a factor of three leaves to others what is slower, or faster, than it allows.
+//! All exist in any laboratory, at an unknown size. Each set of explanations is evaluated with the sizes that are
+//! likeliest beside it, so that a missing effect must explain what no noise of this kind explains. Sizes are steps of a
+//! factor of three: with finer steps the noise would fit the misspecification leakage of a set that explains the data.
+//! A correlation time that is wrong by a factor of three would leave slower, or faster, residuals to other explanations.
 
 /// Factor from size to size.
 pub(crate) const STEP: f64 = 3.0;

@@ -149,8 +149,8 @@ impl Problem {
         Ok(problem)
     }
 
-    /// Settles for all further fits where the bearing's stop is near, and the model knows that it does not know. An
-    /// interval more or less changes the density of the data by more than two like effects differ.
+    /// Fixes for all further fits in which intervals the bearing's stop is near, where the filter takes the torque as unknown.
+    /// One such interval more or less changes the density of the data by more than two similar effects differ.
     pub fn settle_stops(&mut self) -> Result<(), DiagnosisError> {
         let mechanics = Mechanics::new(&self.reference.model)?;
         for (run, motion) in Arc::make_mut(&mut self.runs).iter_mut().zip(self.motions.iter()) {
@@ -221,8 +221,8 @@ impl Problem {
         System { run, motion, mechanics, prediction, settings }
     }
 
-    /// Where no sensor tells the heading, a spring does, if the process noise is small: a walk of the rate that makes up for a
-    /// wrong heading would leave it where it is.
+    /// The motion turned to the heading that springs tell, where no sensor does. That needs small process noise: a walk of the
+    /// rate could otherwise make up for a wrong heading.
     fn turned_by_springs(&self, r: usize, run: &Run, motion: &Motion, mechanics: &Mechanics) -> Motion {
         let mut best = (motion.clone(), f64::NEG_INFINITY);
         if run.clamped || run.has_heading() {
@@ -239,7 +239,7 @@ impl Problem {
             }
             let system = self.smoothing(r, run, &here, mechanics, &prediction, self.settings(r).rate_walk);
             let (next, log_likelihood) = system.corrected(&system.linear());
-            // That of the motion it was taken at.
+            // The log likelihood is that of the motion about which the system was linearised.
             if log_likelihood < best.1 + self.reference.settings.unfinished_nats {
                 break;
             }
@@ -249,8 +249,8 @@ impl Problem {
         best.0
     }
 
-    /// Power of what accelerometer and vector sensors say against the gyro, over that of noise: no torque
-    /// enters, for the process noise is so large that the model's accelerations do not count. Median of the runs.
+    /// Power of the innovations of accelerometer and vector sensors against the gyro, over that of noise, with process noise
+    /// so large that the model's torques do not matter. Median of the runs.
     pub fn kinematic_power(&self, point: &Point) -> Result<f64, DiagnosisError> {
         let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
         let mut powers: Vec<f64> = self
@@ -343,9 +343,9 @@ impl Problem {
         }
     }
 
-    /// Without a tachometer nobody knows which way the wheels turn, so their friction may be off by all of its
-    /// size, for as long as a wheel keeps turning: a torque state that walks so far in the filter's memory
-    /// [N m/sqrt(s)].
+    /// Without a tachometer the sense in which the wheels turn is unknown, so their friction may be wrong by all of its
+    /// size for as long as a wheel keeps turning: the intensity of a torque state that walks so far within the filter's
+    /// memory [N m/sqrt(s)].
     fn friction_walk(&self, run: &Run) -> f64 {
         if run.has_wheel_speed || run.clamped {
             return 0.0;

@@ -6,7 +6,7 @@ use crate::explanations::candidates::Design;
 use crate::parameters::Column;
 
 /// Prior sizes of an effect that are tried, in units of its catalogue prior. A ball bearing has a thousand times the friction
-/// of an air bearing, and nobody says what a rig turns on.
+/// of an air bearing, and no file states the kind of bearing.
 const SIZES: [f64; 10] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0, 1000.0];
 
 /// Minus the logarithm of a size's prior probability.
@@ -14,7 +14,7 @@ fn prior_penalty_of_size(size: f64, settings: &Settings) -> f64 {
     (SIZES.len() as f64).ln() + rarity_nats(size, settings)
 }
 
-/// What it costs that a size is unusual.
+/// Log-prior penalty of an unusual size.
 pub(crate) fn rarity_nats(size: f64, settings: &Settings) -> f64 {
     if size >= settings.unusual_size { settings.unusual_odds.ln() } else { 0.0 }
 }
@@ -32,7 +32,7 @@ pub(crate) struct Term {
     pub columns: Vec<usize>,
     /// Prior size, in units of the catalogue's prior.
     pub size: f64,
-    /// Ways in which it could have entered: evidence is shared among them.
+    /// Number of ways in which it could have entered: the prior is shared among them.
     pub options: usize,
 }
 
@@ -60,7 +60,7 @@ impl Term {
                 columns.clone_from(whole);
             }
         }
-        // A place on a grid is paid for by the prior of what it became.
+        // The choice of a grid point has its penalty in the prior of the value that it became.
         let was_place = special && old.iter().all(|c| c.step.iter().all(|s| *s == 0.0));
         let is_paid = was_place || (special && columns.iter().any(|i| to.columns[*i].is_shape));
         let options = if is_paid { 1 } else { self.options };
@@ -85,7 +85,7 @@ impl Term {
 pub(crate) struct Hypothesis {
     pub terms: Vec<Term>,
     pub estimate: Estimate,
-    /// Log evidence, the choices made on the way paid for.
+    /// Log evidence, with the log-prior penalty of the choices.
     pub log_evidence: f64,
 }
 
@@ -166,7 +166,7 @@ impl Hypothesis {
                 return Some(Self { terms, estimate, log_evidence });
             };
             for term in &mut terms {
-                // What is left of the effect would be another by its name.
+                // Without this column the effect would be another one.
                 let column = design.columns.get(out).filter(|_| term.columns.contains(&out));
                 if column.is_some_and(|c| c.essential) {
                     term.columns.clear();

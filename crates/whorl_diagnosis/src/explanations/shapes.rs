@@ -1,5 +1,5 @@
-//! Laws that nobody has a formula for: functions of one recorded variable that act about an axis, along the rate, on
-//! a wheel, or in a sensor's reading.
+//! Unmodelled laws: functions of one recorded variable that act about an axis, along the rate, on a wheel, or in a
+//! sensor's reading.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::{Plant, PlatformModel};
@@ -80,7 +80,7 @@ pub(crate) struct At<'a> {
     run: &'a Run,
     /// The node at or before it.
     node: usize,
-    /// Since the start of the run \[s\], and of how long a time that is the beginning.
+    /// Time since the start of the run, and the run's duration \[s\].
     time_s: f64,
     length_s: f64,
     omega: Vector3<f64>,
@@ -308,8 +308,8 @@ pub(crate) fn shapes(place: Place<'_>) -> Vec<Vec<Shape>> {
     groups
 }
 
-/// Thrust that depends on how many jets are open, and edges of pulses that are elsewhere than they are recorded, all the time or more
-/// and more.
+/// Thrust that depends on how many jets are open, and pulse edges whose times differ from the recorded ones, by a constant or a
+/// growing amount.
 fn of_jets() -> Vec<Vec<Shape>> {
     let shape = |variable: &str, of: Jets, value: Value| Shape {
         variable: variable.to_owned(),

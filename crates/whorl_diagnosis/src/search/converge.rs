@@ -1,9 +1,9 @@
 //! Fits sets of effects where they fit best, and remembers how well.
 //!
-//! A first regression is taken where an effect is absent. There, a lag looks like a delay, a resonance has
-//! whatever frequency the grid offered, and a signal extrapolated back to nothing from a point far away has
-//! any size. So sets that compete are each fitted by Gauss-Newton steps with motion and sensitivities made
-//! anew, and compared by their evidence there (Laplace's approximation at its own maximum).
+//! The first regression is linearised where an effect is absent. There, a lag looks like a delay, a resonance has
+//! the frequency of a grid point, and a signal extrapolated far to zero may have any size. So competing sets are each
+//! fitted by Gauss-Newton steps, with motion and sensitivities computed anew at every step, and compared by their
+//! evidence at their own optimum (Laplace's approximation).
 
 use std::sync::Arc;
 
@@ -66,8 +66,8 @@ pub(super) struct InitialGuess {
 
 /// Misfit at a point itself, not where the regression's minimum is, and that point. Where an effect's shape is
 /// fitted, all else follows it to where it fits best (variable projection, Golub and Pereyra 1973): a static
-/// deflection that goes with a frequency must not be charged to a gravity offset that has not moved yet. So it does if it
-/// `follows` in any case: to further data.
+/// deflection that goes with a frequency must not be charged to a gravity offset that has not moved yet. `follows`: they
+/// follow in any case, as needed for further data.
 pub(crate) fn at_itself(
     search: &Search<'_>,
     design: &Design,
@@ -119,8 +119,8 @@ impl Search<'_> {
         self.converge_towards(start, Nuisance::default(), f64::NEG_INFINITY, self.problem.threads)
     }
 
-    /// As [`Self::converge`], from this noise: beside the noise that another set needs, a fit may see nothing of this one,
-    /// and then the noise stays. Given up where it is, once it cannot come to a log evidence of `least` of the training data.
+    /// As [`Self::converge`], from this noise: with the noise that another set needs, a fit may not see this set at all, and
+    /// then the noise stays. The fit is given up once it cannot come to a log evidence of `least` of the training data.
     fn converge_towards(
         &self,
         start: &Hypothesis,
@@ -144,7 +144,7 @@ impl Search<'_> {
             Some(found) if !ids.is_empty() && is_beside_torque(&found) => found,
             other => return Ok(other),
         };
-        // What a set's formulas leave looks like a random torque.
+        // The misspecification leakage of a set looks like a random torque.
         let alone = self.fitted_with(problem, from, &ids, f64::NEG_INFINITY, Sizes::Background)?;
         let base = self.score(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
         let is_leakage = |alone: &Converged| {
@@ -170,7 +170,7 @@ impl Search<'_> {
         Ok(DiagnosisError::possible(self.evaluated(descended, noise, &problem))?.flatten())
     }
 
-    /// Fits of a set by turns with the noise that is likeliest where the last one ended, and the noise where the last ended.
+    /// Alternates fits of a set with optimisations of the noise; returns the last fit and the noise that is likeliest there.
     fn turns(
         &self,
         problem: &mut Problem,
@@ -280,7 +280,7 @@ impl Search<'_> {
             if fit.terms.len() < ids.len() {
                 break;
             }
-            // A place on a grid has become a value: how far it is from neutral, no column has said before.
+            // The effect entered at a grid point; now it has a value, and its distance from neutral is known for the first time.
             if step == 0 && entered_as_place {
                 fit = fit.resized(&design, &total);
                 terms.clone_from(&fit.terms);
@@ -288,12 +288,12 @@ impl Search<'_> {
             let Some((misfit, here)) = at_itself(self, &design, &total, &fit, &point, false) else {
                 break;
             };
-            // What has not come round once in any run is a drift, and periodic by name only.
+            // A periodic torque with less than one period in every run is a drift.
             if !self.comes_round(&here) {
                 return Ok(None);
             }
-            // What the best set has found must not be lost on the way to a larger one: a contact's blows, say, are
-            // far from linear in all else.
+            // A larger set must not lose what the best set explains on the way: a contact's blows, for example, are far from
+            // linear in all other parameters.
             if best.is_none() && misfit > allowed {
                 share *= 0.4;
                 point = between(&anchor, &first, share);

@@ -23,7 +23,7 @@ use crate::search::converge::{Descended, at_itself};
 use crate::search::score::{Converged, Score};
 use crate::search::step::dataset;
 
-/// What a column is an input of: known signals that enter by the platform's own constants.
+/// Index of the known input (the jets, then wheels, then rotors of gyros) of which a column is the constant.
 fn input_of(problem: &Problem, column: &Column) -> Option<usize> {
     let Target::Effect(effect) = column.target else { return None };
     let spec = effect.parameters(&problem.reference.model).into_iter().nth(column.index)?;
@@ -190,7 +190,7 @@ impl Search<'_> {
         }))
     }
 
-    /// How a set stands with formulas that err by so much, and its fit to the training data.
+    /// Score of a set with formulas of this relative error, and its fit to the training data.
     fn score_with(&self, both: &Both<'_>, relative_error: f64) -> Option<(Score, Hypothesis)> {
         let set = both.set;
         let design = &set.design;

@@ -22,12 +22,12 @@ use crate::{DiagnosisError, Options, prepare};
 /// Information in data on which explanation is true: as it is, or as it is expected to be.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ExpectedInformation {
-    /// Log odds between the leading explanation and the next: as they are with the data at hand; with further data as the
-    /// true one is expected to lead, the mean over which of them is true. A diagnosis names one alone from about 3 (20 to
-    /// 1). `None` with fewer than two.
+    /// Log odds between the leading explanation and the next. With the data at hand: the present ones. With further data: the
+    /// expected lead of the true explanation, averaged over which one is true. A diagnosis names one alone from about 3 (20
+    /// to 1). `None` with fewer than two.
     pub log_odds: Option<f64>,
-    /// Probability that a diagnosis would tell the true explanation from all others: the mean over which of them is
-    /// true of the probability with which its lead makes it sure. `None` with fewer than two.
+    /// Probability that a diagnosis would tell the true explanation from all others, averaged over which one is true.
+    /// `None` with fewer than two.
     pub told_apart: Option<f64>,
     /// Effects that would show at their ordinary size (one standard deviation of the catalogue's prior).
     pub shown: Vec<String>,
@@ -172,10 +172,9 @@ fn sure_lead(sure: f64) -> f64 {
     (sure / (1.0 - sure)).ln()
 }
 
-/// Probability that an explanation that is expected to lead a rival so far in log evidence and in the misfit becomes sure.
-/// What noise does to a lead in log evidence has a variance of twice its mean, which is half the lead in the misfit; and an
-/// expectation that is linear in the effect's size, for a motion that the effect itself will change, is right to half of
-/// its size.
+/// Probability that an explanation with this expected lead over a rival, in log evidence and in misfit, becomes sure. Noise
+/// gives a lead in log evidence a variance of twice its mean, which is half the lead in the misfit. The expectation is
+/// linear in the effect's size, for a motion that the effect itself will change, and is taken to be right to half of its size.
 fn probability_of_telling(lead: (f64, f64), sure: f64) -> f64 {
     let drop = lead.1.max(0.0);
     normal_probability((lead.0 - sure_lead(sure)) / (1.0 + drop + (0.25 * drop).powi(2)).sqrt())

@@ -16,8 +16,8 @@ use crate::search::prior::smaller_sets;
 use crate::search::score::Converged;
 
 impl Search<'_> {
-    /// Fits the likeliest of some sets, admissible or not, once more from its own end with the noise that the base model needs:
-    /// from no noise, a set that cannot follow yet is forced to where it fits best by wrong values.
+    /// Fits the likeliest of some sets, admissible or not, once more from its own optimum with the noise that the base model
+    /// needs: without noise, a set that cannot yet follow the data is forced to wrong values.
     pub(crate) fn fit_beside_noise(&mut self, of: &[Converged]) -> Result<(), DiagnosisError> {
         let noise = self.score(&self.base).map_or(Nuisance::default(), |base| base.nuisance);
         let likeliest = of.iter().max_by(|a, b| a.log_posterior().total_cmp(&b.log_posterior()));
@@ -25,8 +25,8 @@ impl Search<'_> {
         self.fit_again(likeliest, likeliest.names.clone(), noise)
     }
 
-    /// Fits each smaller set that a set holds from where that one ended: what it holds in addition may be near nothing, and
-    /// then it is the smaller set that had not come to its end.
+    /// Fits each smaller set that a set holds from the optimum of the larger one: the additional effect may be near zero, and
+    /// then only the fit of the smaller set had not converged.
     pub(crate) fn fit_smaller_sets(&mut self, of: &Converged) -> Result<(), DiagnosisError> {
         for names in smaller_sets(&of.names) {
             self.fit_again(of, names, of.score.nuisance)?;

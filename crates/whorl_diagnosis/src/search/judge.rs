@@ -1,4 +1,4 @@
-//! An answer lowers the error, or is none: whether a set of effects makes the readings themselves likelier.
+//! Tests sets of effects on the samples: a set is an answer only if it makes the readings themselves likelier.
 //!
 //! Bins of a smoothed motion serve to find what may be missing, and first values. Within a bin a controller answers to the noise
 //! of the readings, and a motion that is smoothed wrongly bends every formula along it: a set that explains the bins may therefore
@@ -25,10 +25,10 @@ use crate::{DiagnosisError, Progress};
 
 /// Sets that are judged at most, besides that of no effects.
 const MOST_JUDGED: usize = 12;
-/// Sets of so many effects the samples add none to.
+/// To sets of so many effects the samples add no further one.
 const MOST_EFFECTS: usize = 3;
 
-/// Levels of noise are found anew so often at most. It bounds work: how far from the likeliest a fit may end by it was not measured.
+/// Most updates of the noise levels in a fit. It bounds the work; how far from the optimum a fit may end because of it was not measured.
 const ROUNDS: usize = 3;
 
 /// Recordings that sets are fitted to and tried on.
@@ -39,7 +39,7 @@ pub(crate) struct Judge<'a> {
     pub threads: usize,
 }
 
-/// What sets are judged beside.
+/// The reference against which sets are judged: the platform alone.
 pub(crate) struct Judgement<'a> {
     judge: Judge<'a>,
     base: Alone,
@@ -58,7 +58,7 @@ struct Alone {
 }
 
 impl Search<'_> {
-    /// Judges that of no effects, then sets with an effect more that the samples ask for. `None` where no filter can be run.
+    /// Judges the set of no effects, then sets with one effect more that the samples propose. `None` where no filter can be run.
     pub(crate) fn judge_first<'j>(
         &mut self,
         judge: Judge<'j>,
@@ -106,7 +106,7 @@ impl Search<'_> {
         self.settle_most_probable()
     }
 
-    /// Judges sets with an effect more that the samples ask for beside the most probable set that was judged, until none of them is more
+    /// Judges sets with one effect more than the most probable judged set, as the samples propose them, until none of these is more
     /// probable.
     fn judge_asked_for(&mut self, judgement: &mut Judgement<'_>) -> Result<(), DiagnosisError> {
         while let Some(most) = self.most_probable_judged().cloned() {
@@ -154,8 +154,8 @@ impl Search<'_> {
         judged.max_by(|a, b| a.log_posterior().total_cmp(&b.log_posterior()))
     }
 
-    /// A set is as sure as the samples say, and where bins see it no surer than they say: fits to samples end where a stop that is
-    /// touched makes the likelihood jump, fits in bins where formulas are wrong.
+    /// A set has the log evidence of the samples, and where it shows in the bins not more than theirs: a fit to samples may end early
+    /// where a stop that is touched makes the likelihood jump, a fit to bins where formulas are wrong.
     fn set_judged(&mut self, mut set: Converged, found: Judged) {
         let base = self.fitted.get(&Vec::new());
         let of_base =
@@ -191,8 +191,8 @@ impl Search<'_> {
         Ok(Some(alone))
     }
 
-    /// The most probable set; if it was judged that without its weakest term. What bins of a smoothed motion
-    /// need beside the true effect the samples may do without.
+    /// The most probable set, or if that was judged, the same without its weakest term: the bins of a smoothed motion may need
+    /// effects beside the true one that the samples do not need.
     fn next_to_judge(&self) -> Option<Converged> {
         let most = self.most_probable().filter(|set| !set.names.is_empty())?;
         let Some(judged) = &most.judged else { return Some(most.clone()) };
@@ -212,7 +212,7 @@ impl Search<'_> {
         set.judged.is_none().then_some(set)
     }
 
-    /// Beside sets that were judged none counts that was not: bins may predict more than the samples show.
+    /// Drops sets that were not judged and would compete with judged ones: bins may predict more than the samples show.
     fn forget_what_was_not_judged(&mut self) {
         while let Some(set) = self.next_rival() {
             self.forget(&set.names);
@@ -303,14 +303,14 @@ impl Judgement<'_> {
                 - log_prior(&set.names, &search.options.settings),
         };
         let fitted = judge.likeliest(&refit, &[found, beside, without], rival)?;
-        // Where nothing is gained held-out recordings say nothing of it.
+        // A set that gains nothing needs no test on held-out recordings.
         let gains = fitted.log_posterior > alone.fit.fitted.log_posterior;
         let likelihoods = if gains {
             likelihoods(&fitted, &judge.follow_held_out(&refit, &fitted.at, &alone.held_out)?)
         } else {
             likelihoods(&fitted, &alone.held_out)
         };
-        // How many deviations an effect is from none.
+        // Distance of an effect from zero, in standard deviations.
         let distance = |id: &str| {
             let own =
                 refit.columns.iter().enumerate().filter(|(_, column)| column.group == id && !column.is_shape);

@@ -1,8 +1,8 @@
 //! Inertial units with a latency longer than pulses.
 //!
-//! Readings are compared with the motion at their stamps, and extrapolated where they are late. The further, the less
-//! the first regressions see of it, and the more a valve that answers late looks the same. Once a latency is a good
-//! explanation, the recordings are laid out anew with stamps set back by it, and searched again.
+//! Readings are compared with the motion at their stamps, extrapolated by the latency. The longer the latency, the less
+//! the first regressions show of it, and the more a delay of the valves looks the same. Once a latency is a good
+//! explanation, the recordings are divided into bins anew with stamps set back by it, and searched again.
 
 use whorl_dynamics::effects::find;
 
@@ -10,7 +10,7 @@ use crate::Settings;
 use crate::search::Search;
 use crate::search::score::Score;
 
-/// Latency far from that with which recordings were laid out \[s\].
+/// Difference from the latency used for the bins above which new bins are worth it \[s\].
 const FAR_S: f64 = 2e-3;
 
 /// Whether a set holds an effect that delays the inertial unit.
@@ -54,15 +54,15 @@ impl FoundLatency {
         Self { extra_latency_s, with, best, base, lead: with - rival, holds_latency }
     }
 
-    /// The latency, if it is a good explanation and far from that with which the recordings were laid out.
+    /// The latency, if it is a good explanation and far from that used for the bins.
     pub fn worth_new_bins(&self, laid_out_s: f64, settings: &Settings) -> Option<f64> {
         let is_good = self.with - self.base > settings.doubt_nats
             && self.best - self.with < settings.latency_near_share * (self.best - self.base).max(0.0);
         self.extra_latency_s.filter(|extra_latency_s| is_good && (extra_latency_s - laid_out_s).abs() > FAR_S)
     }
 
-    /// Whether the latency is better than all else in the mean of recordings laid out for it, which these are, and of
-    /// those laid out without: each choice of bins favours its own, alike.
+    /// Whether the latency is better than all else in the mean over bins made with it, which these are, and bins made
+    /// without it: each choice of bins favours its own, alike.
     pub fn explains_more_than_others(&self, without: &Self, settings: &Settings) -> bool {
         self.holds_latency && self.lead + without.lead > 2.0 * settings.doubt_nats
     }

@@ -10,8 +10,8 @@ pub(crate) fn log_prior<S: AsRef<str>>(set: &[S], settings: &Settings) -> f64 {
     set.iter().map(|id| (settings.present / (1.0 - settings.present)).ln() - penalty(id)).sum()
 }
 
-/// Share of the evidence of an effect from which what is left of it is another law's, or a random torque's: an error of twice the size of
-/// what its own formula may leave.
+/// Share of the evidence of an effect above which its residual is taken for another law or a random torque: that of twice the relative
+/// error that its own formula may have.
 pub(crate) fn of_other_law(settings: &Settings) -> f64 {
     4.0 * settings.misspecification
 }
@@ -22,7 +22,7 @@ pub(crate) fn smaller_sets(names: &[String]) -> impl Iterator<Item = Vec<String>
     names.iter().map(without)
 }
 
-/// Whether a set of this log evidence explains more than each smaller one by more than the misspecification leakage of what that one explains;
+/// Whether the gain of a set over each smaller one exceeds the misspecification leakage of the smaller one;
 /// `evidence` is that of other sets, if they were fitted.
 pub(crate) fn is_no_leakage(
     names: &[String],

@@ -41,8 +41,8 @@ pub(crate) struct Search<'a> {
     pub turning: Vec<usize>,
     /// Hidden states compete as well: their many columns are made only when something is missing.
     pub with_hidden: bool,
-    /// AR models of the residual of all effects together, without noise that the model does not state: with these a fit of any set
-    /// begins. Its own are those of what it does not explain yet.
+    /// AR models of the residual of all effects together, with the stated noise alone: the fit of every set begins with these. AR models
+    /// of its own residual would contain what it does not explain yet.
     pub sharp: ArModels,
     pub point: Point,
     /// Relative error of formulas that is integrated out of the present regression.
@@ -54,10 +54,10 @@ pub(crate) struct Search<'a> {
     pub best: Hypothesis,
     /// Sets that were fitted, each where it fits best.
     pub fitted: Fitted,
-    /// How much more log evidence the samples give to the most probable set that was judged than bins do: what bins say of others is
-    /// counted from there.
+    /// Log evidence of the samples less that of the bins for the most probable judged set: it is added to the log evidence of the bins of
+    /// other sets, so that the two compare.
     pub samples_over_bins: f64,
-    /// What the samples say beside sets that were judged.
+    /// The normal equations of the samples about sets that were judged.
     pub besides: Vec<Beside>,
     /// Log evidence in bins of each of them.
     pub of_bins: BTreeMap<Vec<String>, f64>,
@@ -188,8 +188,8 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// Evaluates the base model and what the samples ask for, then sets near the best one until none of them is better; ends at the most
-    /// probable set. What the samples rule out is not fitted. `None` where no filter can be run on the samples.
+    /// Evaluates the base model and the sets that the samples propose, then sets near the best one until none of them is better; ends at
+    /// the most probable set. Sets that the samples rule out are not fitted. `None` where no filter can be run on the samples.
     pub fn run<'j>(
         &mut self,
         judge: Judge<'j>,
@@ -230,7 +230,7 @@ impl<'a> Search<'a> {
                 Some(converged) => {
                     self.settle(converged)?;
                 }
-                // With no such noise as is likeliest beside the base model, other effects may come near.
+                // Without the noise that is likeliest beside the base model, other effects may come near.
                 None if round == 0 && judgement.is_none() && self.problem.nuisance != Nuisance::default() => {
                     let mut quiet = self.fitted(&self.base).cloned().ok_or(NO_FIT)?;
                     quiet.score.nuisance = Nuisance::default();
@@ -323,7 +323,7 @@ impl<'a> Search<'a> {
             h.terms.len() <= self.options.largest_set && !is_finished && !h.terms.is_empty()
         };
         let leading = weight(&self.best);
-        // What adds nothing loses by little more than its prior, and there are dozens of such.
+        // An effect that adds nothing loses little more than its prior odds, and there are dozens of these.
         let is_larger = |h: &Hypothesis| h.terms.len() > self.best.terms.len();
         let window = |h: &Hypothesis| if is_larger(h) { settings.doubt_nats } else { settings.window_nats };
         let is_open = |h: &Hypothesis| is_new(h) && !self.is_ruled_out(&h.names(&self.design));

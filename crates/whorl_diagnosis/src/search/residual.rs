@@ -39,7 +39,7 @@ fn residual_powers_by_run(
         .collect()
 }
 
-/// Two windows, short and long: the whitened momentum residual.
+/// RMS over the windows of 1 and 8 s: the whitened momentum residual.
 pub(crate) fn momentum_rms(powers: &[Power; WINDOWS_S.len()]) -> f64 {
     let mut both = Power::default();
     for (power, window_s) in powers.iter().zip(WINDOWS_S) {

@@ -1,4 +1,4 @@
-//! How sets that were fitted stand, and which of them is the present best.
+//! Scores of the sets that were fitted, and which of them is the present best.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -45,8 +45,8 @@ pub(crate) struct Score {
 }
 
 impl Score {
-    /// Log evidence with what the fit has not gained yet: a fit that ended before its minimum is given the predicted gain of its next step, as far as
-    /// a linear prediction is good.
+    /// Log evidence, with the predicted gain of the next step of a fit that ended before its minimum, as far as a linear
+    /// prediction is good.
     pub fn worth(&self, settings: &crate::Settings) -> f64 {
         self.log_evidence + (0.5 * self.predicted_decrease).min(settings.doubt_nats)
     }
@@ -68,8 +68,8 @@ pub(crate) struct Likelihoods {
 }
 
 impl Likelihoods {
-    /// What they say more than a smaller set: held-out data, with values that were fitted to others, may speak against a set, but
-    /// what they add scatters by as much as it is.
+    /// Gain over a smaller set. Held-out data, with values that were fitted to other data, may count against a set but not for it: what
+    /// they would add scatters by as much as it is.
     pub fn gain(&self, base: &Self) -> f64 {
         let held = self.held_out.zip(base.held_out).map_or(0.0, |(set, base)| set - base);
         self.training - base.training + held.min(0.0)
@@ -135,8 +135,8 @@ impl JudgedFit {
         Refit { reference, columns: self.columns.clone(), stddevs: self.stddevs.clone() }
     }
 
-    /// What the samples say of the parameters of a refit that begins with the fitted ones, and of laws of each run, as normal
-    /// equations about the place of the fit; parameters behind the fitted ones stand at none.
+    /// Normal equations of the samples about the optimum of the fit, for the parameters of a refit that begins with the fitted ones,
+    /// and for laws of each run; the parameters after the fitted ones are at zero.
     pub fn normal(
         &self,
         refit: &Refit<'_>,
@@ -152,7 +152,7 @@ impl JudgedFit {
         let found = hints(training, &parameters, &model_at, &at, &self.fitted.followed, laws, &settings)?;
         let mut normal = Normal::zeros(found.slope.len());
         (normal.matrix, normal.vector) = (found.information, found.slope);
-        // Counted from where the parameters are, with the pull of what was known before.
+        // Relative to the present parameters, with the gradient of their prior.
         for (i, (units, parameter)) in at.iter().zip(&parameters).enumerate() {
             normal.vector[i] -= units / parameter.stddev.powi(2);
         }
@@ -171,7 +171,7 @@ impl Converged {
     /// Whether it explains more than a smaller set: bins of the smoothed motion, and the samples themselves where both were asked.
     fn explains_more(&self, smaller: &Self) -> bool {
         match (&self.judged, &smaller.judged) {
-            // Bins only say what the samples say.
+            // Bins are means of the same samples: where both exist the samples decide.
             (Some(set), Some(smaller)) => set.likelihoods.explain_more(&smaller.likelihoods),
             _ => self.score.likelihoods().explain_more(&smaller.score.likelihoods()),
         }
@@ -199,7 +199,7 @@ impl Search<'_> {
             converged.terms.iter().filter_map(|m| m.carried(&converged.design, &self.design)).collect();
         self.best =
             Hypothesis::of(&self.design, &self.data.total, terms).unwrap_or_else(|| self.base.clone());
-        // What does not stand where it was fitted explains nothing.
+        // A set that loses a term at its own optimum explains nothing.
         if self.best.names(&self.design) != converged.names {
             self.forget(&converged.names);
         }
@@ -218,7 +218,7 @@ impl Search<'_> {
         or_alike(ar_models, self.fitted.values().filter_map(|set| set.held_ar_models.as_ref()))
     }
 
-    /// Remembers a set where it stands best, unless the samples have judged it.
+    /// Keeps the best score of a set, unless the samples have judged it.
     pub(crate) fn remember(&mut self, mut converged: Converged) {
         self.watch_latency(&converged.names, converged.score.log_evidence, &converged.point);
         self.note_bins(&converged);
@@ -231,7 +231,7 @@ impl Search<'_> {
         }
     }
 
-    /// Notes what bins say of a set where it stands best in them.
+    /// Keeps the best log evidence in bins of a set.
     pub(crate) fn note_bins(&mut self, converged: &Converged) {
         let of_set = self.of_bins.entry(converged.names.clone()).or_insert(f64::NEG_INFINITY);
         *of_set = of_set.max(converged.score.log_evidence);
@@ -271,7 +271,7 @@ impl Search<'_> {
         let best = self.best.clone();
         let converged = match self.converge(&best)? {
             Some(converged) => converged,
-            // It cannot stand at its own point: back to the base model.
+            // It has no fit at its own point: back to the base model.
             None => {
                 let base = self.base.clone();
                 self.converge(&base)?.ok_or(NO_FIT)?

@@ -18,8 +18,8 @@ use crate::search::noise_optimisation::Sizes;
 pub(crate) const NO_FIT: DiagnosisError =
     DiagnosisError::NoTrajectory { run: String::new(), what: "the regression has no solution" };
 
-/// Regression of a problem at a point with the columns of a design matrix. AR models that are not given are those of what all the columns
-/// leave together.
+/// Regression of a problem at a point with the columns of a design matrix. Without given AR models those of the residual of all columns
+/// together are used.
 pub(crate) fn dataset(
     problem: &Problem,
     point: &Point,
@@ -97,7 +97,7 @@ pub(crate) fn base_point_with(
     smooth_all(problem, held_out, &point, ProcessNoise::Fixed(FREE_RATE_WALK))?;
     smooth_all(problem, held_out, &point, ProcessNoise::Fixed(5e-3))?;
     for process_noise in [ProcessNoise::Fixed(2e-3), ProcessNoise::Estimated] {
-        // What the model lacks must not bend its constants: it counts as noise until it is found.
+        // A missing effect must not bias the platform's constants: it counts as process noise until it is found.
         problem.nuisance = problem.likeliest_noise(&point, &[], Sizes::Any)?.sizes;
         if let Some(held) = held_out {
             held.nuisance = problem.nuisance;

@@ -1,9 +1,9 @@
-//! Laws that no effect of the catalogue has, as explanations that compete with those that have a name.
+//! Unmodelled laws: explanations outside the catalogue that compete with its effects.
 //!
 //! Torques of simple shape (a function of one recorded variable, about one axis of the body or of the room) and errors of sensors are
 //! columns of the causal filter beside the parameters of a set ([`whorl_prediction::hints`]), with the slow random torque and the noise
-//! that the samples show. Each is evaluated by the same evidence as the catalogue's effects, and pays for the number of laws that were
-//! tried. This is the regression of a random-walk torque on the recorded channels (Kristensen et al. 2004), without smoothing the
+//! that the samples show. Each is evaluated by the same evidence as the catalogue's effects, with a log-prior penalty for the number of
+//! laws that were tried. This is the regression of a random-walk torque on the recorded channels (Kristensen et al. 2004), without smoothing the
 //! torque first.
 
 use nalgebra::{DVector, Vector3};
@@ -94,7 +94,7 @@ impl Search<'_> {
         Ok(found)
     }
 
-    /// What the samples say of the columns of a set and of all laws, those of the set first.
+    /// The normal equations of the samples for the columns of a set and of all laws, those of the set first.
     fn normal_of(
         &self,
         at: &Converged,
@@ -103,7 +103,7 @@ impl Search<'_> {
         training: &[Recording],
     ) -> Result<Normal, DiagnosisError> {
         let problem = &self.problem;
-        // Laws are tried one at a time: of two columns of different ones nobody asks what they do together.
+        // Laws are tried one at a time: products of the columns of different laws are not needed.
         let span = |law: &Law| Some(law.columns.iter().max()? - law.columns.iter().min()? + 1);
         let apart = tried.laws.iter().filter_map(span).max().unwrap_or(0);
         let of_run = |(run, motion)| {

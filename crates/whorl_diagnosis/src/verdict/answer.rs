@@ -128,7 +128,7 @@ impl Search<'_> {
     fn posterior(&mut self, left: f64, training: &[Recording]) -> Result<Posterior, DiagnosisError> {
         let options = self.options;
         let settings = &options.settings;
-        // Formulas that are likeliest to err by so much call for a comparison with unmodelled laws.
+        // A likeliest relative error of the formulas above this calls for a comparison with unmodelled laws.
         let rough = 0.5 * settings.model_discrepancies.last().copied().unwrap_or(0.0);
         let mut all = Vec::new();
         let score = self.score(&self.best);
@@ -162,7 +162,7 @@ impl Search<'_> {
                 let laws = self.laws_beside(&at, training)?;
                 let explained = at.score.log_evidence
                     - self.score(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
-                // What is left of a set is another law's only where it is a good part of it.
+                // The residual of a set is taken for another law only where it exceeds the leakage of the set's own formulas.
                 let least_n_m = settings.background_share * self.problem.torques.body_n_m;
                 let is_apart = |law: &Unmodelled| {
                     let is_large = law.unknown.unit != "N m" || law.unknown.size > least_n_m;
@@ -182,7 +182,7 @@ impl Search<'_> {
         Ok(Posterior::new(all, settings))
     }
 
-    /// Noise of each channel of each run over what the model states. Innovations below the measured noise are not its doing.
+    /// Noise of each channel of each run over what the model states. Innovations smaller than the measured noise do not lower it.
     fn noise_scales(&self) -> Vec<NoiseScale> {
         let mut scales = Vec::new();
         for ((run, whitened), ar_models) in
@@ -418,7 +418,7 @@ impl Search<'_> {
         tested > 0 && seen * 2 >= tested
     }
 
-    /// What the catalogue says separates what is left.
+    /// Advice of the catalogue on how to separate the remaining explanations.
     fn advice(&self, verdict: Verdict, candidates: &[Candidate]) -> Option<NextManoeuvre> {
         let text = match verdict {
             Verdict::Confounded => {

@@ -34,7 +34,7 @@ impl Search<'_> {
     }
 
     /// The moment of inertia that the best explanation has moved to an implausible value, if one is: data of another platform
-    /// bend the model until something is named, and whatever that is, it is not what the model lacks.
+    /// bias the model until some effect is named, and that effect is not what the model lacks.
     pub(crate) fn implausible_inertia(&self) -> Option<String> {
         let point = point_of(self.problem, &self.design, &self.point, &self.best);
         let (reference, settings) = (&self.problem.reference, &self.options.settings);

@@ -63,7 +63,7 @@ impl Posterior {
         (log_posterior - self.log_sum).exp()
     }
 
-    /// The named sets, most probable first, that together with all else that is more probable make up what is sure.
+    /// The named sets, most probable first, until all explanations so far have the probability `sure` together.
     pub fn contenders(&self) -> Vec<Vec<String>> {
         let mut sum = 0.0;
         let mut sets: Vec<Vec<String>> = Vec::new();

@@ -1,7 +1,7 @@
 //! Estimates and intervals of the effects that are named.
 //!
-//! Which parts of an effect enter was chosen by the data, and a chosen fit is surer of itself than it should
-//! be: it takes what was left out as known to be zero, and which of two like jets leaks as known. So the
+//! Which parts of an effect enter was chosen by the data, and the covariance of the chosen fit is too small: it takes
+//! the parts that were left out as known to be zero, and which of two like jets leaks as known. So the
 //! estimate that is reported averages over the choices, each with its posterior probability (Hoeting et al.,
 //! Statistical Science 14, 1999), and a choice holds every parameter of a part, with a prior so wide that it
 //! does not pull.
@@ -53,7 +53,7 @@ impl Search<'_> {
         } else {
             whole_parts(&candidate.options, &self.design.columns)
         };
-        // Noise that is slower or larger than taken for, and what even the best set leaves, widen all intervals.
+        // Noise that is slower or larger than modelled, and the residual of the best set, widen all intervals.
         let left = self.slow_residual().after.max(1.0);
         let widened = left * left;
         let mut choices: Vec<(f64, Hypothesis)> = Vec::new();

@@ -1,9 +1,9 @@
 //! What the periodic pulses of the valves leave in fast samples.
 //!
 //! Pulses of jets come in slots, with all the harmonics of a slot, and sensors with filters, valves with delays and bodies
-//! that ring answer them a little differently from the model. All of that is an answer to a known input and no vibration:
-//! it is coherent with the pulses. So whatever of a channel a short linear filter of the pulses' torque explains is taken
-//! off before lines are looked for (the coherent part; Bendat and Piersol 2010, section 6.2).
+//! that ring respond to them a little differently from the model. All of that is a response to a known input and no vibration:
+//! it is coherent with the pulses. So the part of a channel that a short linear filter of the pulses' torque explains is
+//! subtracted before lines are looked for (the coherent part; Bendat and Piersol 2010, section 6.2).
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
