@@ -17,7 +17,10 @@ const SCHEMA: u32 = 2;
 ///
 /// # Errors
 /// When a run cannot be compared, or the parameters cannot be refitted.
-pub fn refitted(case: &Case<'_>, say: &mut ProgressCallback<'_>) -> anyhow::Result<(Vec<ComparedRun>, Vec<ComparedRun>)> {
+pub fn refitted(
+    case: &Case<'_>,
+    say: &mut ProgressCallback<'_>,
+) -> anyhow::Result<(Vec<ComparedRun>, Vec<ComparedRun>)> {
     let (versions, left_out) = versions(case, &[], &BTreeMap::new(), &options(), say)?;
     let mut versions = versions.into_iter();
     match (versions.next(), versions.next(), left_out.first()) {

@@ -13,6 +13,7 @@
 //! own parameters are always refitted within their priors. This is the generalised least-squares form
 //! of the integrated (momentum) residual: no noisy rate is differentiated.
 
+mod bins;
 mod diagnosis;
 mod directions;
 mod error;
@@ -20,7 +21,6 @@ mod evidence;
 mod explanations;
 mod fitter;
 pub mod laws;
-mod bins;
 mod low_pass;
 mod options;
 mod parameters;
@@ -91,13 +91,15 @@ pub fn diagnose(
     };
     let recordings = (training, held_out);
     let (search, without) = searched(&mut problem, held.as_mut(), recordings, options, progress)?;
-    let Some(extra_latency_s) = without.worth_new_bins(search.0.problem.reference.extra_latency_s, &options.settings)
+    let Some(extra_latency_s) =
+        without.worth_new_bins(search.0.problem.reference.extra_latency_s, &options.settings)
     else {
         return Ok(noted(answer(search, recordings, progress)?));
     };
     drop(search);
     drop((problem, held));
-    let (mut problem, mut held) = prepare(training, held_out, model, prior, options, Some(extra_latency_s), progress)?;
+    let (mut problem, mut held) =
+        prepare(training, held_out, model, prior, options, Some(extra_latency_s), progress)?;
     let (search, latency) = searched(&mut problem, held.as_mut(), recordings, options, progress)?;
     if latency.explains_more_than_others(&without, &options.settings) {
         return Ok(noted(answer(search, recordings, progress)?));

@@ -16,7 +16,7 @@ mod terms;
 mod tests;
 
 use serde::Serialize;
-use whorl_diagnosis::laws::{LawBench, LawSignal, Evaluated};
+use whorl_diagnosis::laws::{Evaluated, LawBench, LawSignal};
 use whorl_diagnosis::{DiagnosisError, Options};
 use whorl_dynamics::effects::written::{Definition, DefinitionError, Formula, WrittenEffect};
 use whorl_dynamics::effects::{RegisterError, find, register, withdraw};
@@ -381,7 +381,9 @@ fn drawn(
         .collect();
     let regression = ground.bench.regression(&signals)?;
     let all: Vec<usize> = (0..DRAWN).collect();
-    let Some(fit) = regression.fit(&all, 3.0 * ground.bench.applied_torque_rms_n_m()) else { return Ok(None) };
+    let Some(fit) = regression.fit(&all, 3.0 * ground.bench.applied_torque_rms_n_m()) else {
+        return Ok(None);
+    };
     let law = law_over(term, variable, best);
     let points = (0..DRAWN)
         .map(|i| {

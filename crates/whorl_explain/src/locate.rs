@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use whorl_diagnosis::{Fit, Options, fit};
 use whorl_dynamics::PlatformModel;
 use whorl_recording::Recording;
-use whorl_validation::{Followed, UnexplainedTorques, Localisation, explain_where};
+use whorl_validation::{Followed, Localisation, UnexplainedTorques, explain_where};
 
 use crate::adopt::plausibility::farthest;
 use crate::{Case, ExplainError, ProgressCallback};
@@ -36,7 +36,11 @@ pub struct Located {
 ///
 /// # Errors
 /// When a run cannot be followed: too short, without a gyro, or on a bench without wheel speeds.
-pub fn locate(case: &Case<'_>, options: &Options, say: &mut ProgressCallback<'_>) -> Result<Located, ExplainError> {
+pub fn locate(
+    case: &Case<'_>,
+    options: &Options,
+    say: &mut ProgressCallback<'_>,
+) -> Result<Located, ExplainError> {
     say(0.0, "fitting the platform's own parameters");
     let fitted = fit(case.training, case.model, case.prior, &[], options);
     let plausible = fitted.map_err(|error| error.to_string()).and_then(|fitted| {

@@ -43,7 +43,12 @@ impl Followed {
     /// The same by the model without disturbances.
     #[must_use]
     pub(crate) fn without_disturbance(&self) -> Self {
-        Self { noise: self.undisturbed_noise(), fitted: self.undisturbed.clone(), gain_nats: 0.0, ..self.clone() }
+        Self {
+            noise: self.undisturbed_noise(),
+            fitted: self.undisturbed.clone(),
+            gain_nats: 0.0,
+            ..self.clone()
+        }
     }
 
     /// The noise without disturbances.
@@ -124,9 +129,21 @@ fn followed_from(
     let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &without, &fitted);
     let gain_nats = log - undisturbed_likelihood.log;
     if gain_nats > settings.level_needed_nats && noise.disturbance.is_some() {
-        Followed { noise, fitted: FittedStart { start, ..fitted }, undisturbed, undisturbed_likelihood, gain_nats }
+        Followed {
+            noise,
+            fitted: FittedStart { start, ..fitted },
+            undisturbed,
+            undisturbed_likelihood,
+            gain_nats,
+        }
     } else {
-        Followed { noise: without, fitted: undisturbed.clone(), undisturbed, undisturbed_likelihood, gain_nats }
+        Followed {
+            noise: without,
+            fitted: undisturbed.clone(),
+            undisturbed,
+            undisturbed_likelihood,
+            gain_nats,
+        }
     }
 }
 

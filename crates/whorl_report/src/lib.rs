@@ -38,7 +38,7 @@ pub use data::{Collector, RunData};
 pub use events::{Happening, happenings, mode_name};
 pub use explanation::{
     Facts, NextPage, PlannedMotion, adoption_html, comparison_html, diagnosis_html, discovery_html,
-    next_html, trends_html, localisation_html,
+    localisation_html, next_html, trends_html,
 };
 pub use index::{IndexRow, IndexedCampaign, index_html};
 pub use live::live_html;

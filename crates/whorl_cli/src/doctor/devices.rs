@@ -103,7 +103,8 @@ fn of_host(named: &NamedDevice, place: &Place) -> Option<Check> {
             Check::good(&name, format!("{host} answers within {ms:.1} ms"))
         }
         Err(error) => {
-            let remedy = format!("ping {}; is it powered, on this network, and its port right?", address.ip());
+            let remedy =
+                format!("ping {}; is it powered, on this network, and its port right?", address.ip());
             Check::wrong(&name, format!("{host}: {error}"), remedy)
         }
     })

@@ -196,8 +196,7 @@ impl Run {
         };
         let bins = Bins::new(&base_times, bin_s).ok_or(DiagnosisError::NoRecording)?;
         let noise = NoiseLevels::measured(recording, model);
-        let (gyro_clips_at_rad_s, gyro_step_rad_s) =
-            crate::bins::noise::clipping_and_step(recording, model);
+        let (gyro_clips_at_rad_s, gyro_step_rad_s) = crate::bins::noise::clipping_and_step(recording, model);
         let mut gyro = bins.means(&recording.gyro_b_rad_s, latency_s);
         if let Some(limit) = gyro_clips_at_rad_s {
             bins.drop_clipped(&mut gyro, &recording.gyro_b_rad_s, latency_s, limit);

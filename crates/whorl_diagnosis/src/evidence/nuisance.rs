@@ -63,7 +63,9 @@ impl Nuisance {
         let mut all = vec![self];
         if self.torque > 0 || self.wheel > 0 {
             let kinds = [(0, 0), (SOME, 0), (SOME, FASTEST)];
-            let of_kind = |(torque, correlation_time)| [0, SOME].map(|wheel| Self { torque, correlation_time, wheel, ..self });
+            let of_kind = |(torque, correlation_time)| {
+                [0, SOME].map(|wheel| Self { torque, correlation_time, wheel, ..self })
+            };
             all.extend(kinds.into_iter().flat_map(of_kind));
         }
         all
@@ -84,8 +86,16 @@ impl Nuisance {
         }
         all.extend(steps(self.torque).into_iter().map(|torque| Self { torque, ..self }));
         if self.torque > 0 {
-            let correlation_times = [self.correlation_time.checked_sub(1), Some(self.correlation_time + 1).filter(|correlation_time| *correlation_time <= FASTEST)];
-            all.extend(correlation_times.into_iter().flatten().map(|correlation_time| Self { correlation_time, ..self }));
+            let correlation_times = [
+                self.correlation_time.checked_sub(1),
+                Some(self.correlation_time + 1).filter(|correlation_time| *correlation_time <= FASTEST),
+            ];
+            all.extend(
+                correlation_times
+                    .into_iter()
+                    .flatten()
+                    .map(|correlation_time| Self { correlation_time, ..self }),
+            );
         }
         all.extend(steps(self.bias).into_iter().map(|bias| Self { bias, ..self }));
         for other in &mut all {

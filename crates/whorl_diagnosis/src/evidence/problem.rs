@@ -7,12 +7,12 @@ use whorl_math::vertical_b;
 use whorl_recording::{Channel, Recording};
 use whorl_trajectory::noise::typical_step_s;
 
-use crate::evidence::ar_noise::{ArModel, ArModels, ar_log_density, ar_models_of};
-use crate::evidence::nuisance::{Nuisance, CORRELATION_TIMES, STEP};
-use crate::evidence::regression::{Normal, Whitened};
 use crate::bins::motion::Motion;
 use crate::bins::run::{Run, is_clamped};
 use crate::bins::torques::Torques;
+use crate::evidence::ar_noise::{ArModel, ArModels, ar_log_density, ar_models_of};
+use crate::evidence::nuisance::{CORRELATION_TIMES, Nuisance, STEP};
+use crate::evidence::regression::{Normal, Whitened};
 use crate::parameters::{Column, Point, Reference};
 use crate::whitening::columns::{GROUPS, LANES, Linearised, Moved, group_response, predict};
 use crate::whitening::filter::{Background, Settings, System};
@@ -295,7 +295,8 @@ impl Problem {
         if nuisance.torque == 0 {
             return Background::default();
         }
-        let correlation_time = CORRELATION_TIMES.get(usize::from(nuisance.correlation_time)).copied().unwrap_or(1.0);
+        let correlation_time =
+            CORRELATION_TIMES.get(usize::from(nuisance.correlation_time)).copied().unwrap_or(1.0);
         let correlation_s = correlation_time * self.memory_s;
         let inertia = self.reference.model.mass_properties.inertia_b_kg_m2().trace() / 3.0;
         let density = whorl_math::statistics::median(self.gyro_density.iter().copied());
@@ -466,8 +467,9 @@ impl Problem {
                 blocks.push(block);
             }
         }
-        let of_run =
-            |(slot, ar_models): (&Whitened, &Vec<ArModel>)| ar_log_density(&slot.rows_by_reading(), ar_models);
+        let of_run = |(slot, ar_models): (&Whitened, &Vec<ArModel>)| {
+            ar_log_density(&slot.rows_by_reading(), ar_models)
+        };
         let log_density = whitened.iter().zip(&ar_models).map(of_run).sum();
         Dataset { blocks, total, whitened, ar_models, log_density }
     }

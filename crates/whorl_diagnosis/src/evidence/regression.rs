@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, DVectorView, Dyn};
 use whorl_recording::Component;
 
-use crate::evidence::ar_noise::{ArModel, whiten_series, rows_by_reading};
+use crate::evidence::ar_noise::{ArModel, rows_by_reading, whiten_series};
 use crate::whitening::columns::{LANES, Lanes};
 
 /// Blocks of time into which each run is cut for cross-validation.

@@ -6,10 +6,10 @@ use whorl_dynamics::{Plant, PlatformModel};
 use whorl_math::{azimuth_rad, vertical_b};
 use whorl_prediction::Push;
 
-use crate::explanations::place::Place;
 use crate::bins::motion::Motion;
 use crate::bins::run::{Run, Wheels};
 use crate::bins::torques::Torques;
+use crate::explanations::place::Place;
 
 /// A variable, and its shape as odd or even.
 pub(crate) struct Shape {

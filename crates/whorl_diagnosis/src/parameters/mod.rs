@@ -99,8 +99,12 @@ pub(crate) struct Reference {
 
 impl Reference {
     pub fn new(model: &PlatformModel, prior: &ModelPrior) -> Self {
-        let mut reference =
-            Self { model: model.clone(), prior: prior.clone(), extra_latency_s: 0.0, settings: Settings::default() };
+        let mut reference = Self {
+            model: model.clone(),
+            prior: prior.clone(),
+            extra_latency_s: 0.0,
+            settings: Settings::default(),
+        };
         reference.extra_latency_s = reference.extra_latency_at_s(&reference.point());
         reference
     }

@@ -11,6 +11,8 @@ use nalgebra::DVector;
 use whorl_dynamics::effects::find;
 
 use crate::DiagnosisError;
+use crate::bins::motion::Motion;
+use crate::bins::run::Run;
 use crate::evidence::ar_noise::{ArModels, alike};
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::{Dataset, Problem, ProcessNoise};
@@ -19,8 +21,6 @@ use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::{Hypothesis, Term};
 use crate::explanations::lines::Lines;
 use crate::explanations::physical::between;
-use crate::bins::motion::Motion;
-use crate::bins::run::Run;
 use crate::parameters::Point;
 use crate::search::Search;
 use crate::search::noise_optimisation::{Noise, Sizes};
@@ -185,7 +185,9 @@ impl Search<'_> {
         // Less noise makes a fit sharper, and a sharper fit leaves less noise.
         let mut ar_models = (problem.nuisance == Nuisance::default()).then(|| self.sharp.clone());
         for turn in 0..MOST_TURNS {
-            let Some(descended) = self.descend(problem, from, ids, least, turn == 0, ar_models)? else { break };
+            let Some(descended) = self.descend(problem, from, ids, least, turn == 0, ar_models)? else {
+                break;
+            };
             problem.motions = Arc::clone(&descended.motions);
             let noise = problem.likeliest_noise(&descended.point, &of_others, sizes)?;
             from = InitialGuess {
@@ -265,7 +267,8 @@ impl Search<'_> {
         // Predicted decrease of the last good step.
         let mut predicted_decrease = 0.0;
         for step in 0..MOST_STEPS {
-            let process_noise = if is_first && step == 0 { ProcessNoise::Estimated } else { ProcessNoise::Previous };
+            let process_noise =
+                if is_first && step == 0 { ProcessNoise::Estimated } else { ProcessNoise::Previous };
             let here =
                 Design::of_effects(&self.problem.reference, &point, &self.available, ids, &Lines::default());
             let smoothed = problem.smooth(&point, process_noise);

@@ -18,8 +18,8 @@ use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::Hypothesis;
 use crate::parameters::{Column, Point, Target, is_base};
 use crate::search::Search;
-use crate::search::noise_optimisation::Noise;
 use crate::search::converge::{Descended, at_itself};
+use crate::search::noise_optimisation::Noise;
 use crate::search::score::{Converged, Score};
 use crate::search::step::dataset;
 

@@ -10,8 +10,8 @@ use crate::DiagnosisError;
 use crate::evidence::nuisance::Nuisance;
 use crate::explanations::hypothesis::Term;
 use crate::search::Search;
-use crate::search::noise_optimisation::Sizes;
 use crate::search::converge::InitialGuess;
+use crate::search::noise_optimisation::Sizes;
 use crate::search::prior::smaller_sets;
 use crate::search::score::Converged;
 

@@ -69,8 +69,7 @@ impl Search<'_> {
         let mut judgement = Judgement { judge, base, left: MOST_JUDGED };
         self.judge_asked_for(&mut judgement)?;
         let most = self.most_probable_judged();
-        let of_both =
-            most.and_then(|most| Some((most.score.log_evidence, *self.of_bins.get(&most.names)?)));
+        let of_both = most.and_then(|most| Some((most.score.log_evidence, *self.of_bins.get(&most.names)?)));
         self.samples_over_bins = of_both.map_or(0.0, |(of_samples, of_bins)| of_samples - of_bins);
         Ok(Some(judgement))
     }

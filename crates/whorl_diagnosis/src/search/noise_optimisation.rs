@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::evidence::ar_noise::{ArModels, ar_log_density, whiten_series, ar_models_of, rows_by_reading};
+use crate::evidence::ar_noise::{ArModels, ar_log_density, ar_models_of, rows_by_reading, whiten_series};
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::Problem;
 use crate::parameters::Point;

@@ -33,6 +33,7 @@ pub(crate) fn is_no_leakage(
     let Some(base) = evidence(&[]) else { return true };
     names.len() < 2
         || smaller_sets(names).all(|smaller| {
-            evidence(&smaller).is_none_or(|smaller| own - smaller > settings.misspecification * (smaller - base))
+            evidence(&smaller)
+                .is_none_or(|smaller| own - smaller > settings.misspecification * (smaller - base))
         })
 }

@@ -282,8 +282,7 @@ impl<'a> Search<'a> {
     pub(crate) fn settle_most_probable(&mut self) -> Result<(), DiagnosisError> {
         let best = self.best.names(&self.design);
         let (nuisance, point) = (self.problem.nuisance, &self.point);
-        let is_there =
-            |c: &&Converged| c.names == best && c.score.nuisance == nuisance && c.point == *point;
+        let is_there = |c: &&Converged| c.names == best && c.score.nuisance == nuisance && c.point == *point;
         if let Some(most) = self.most_probable().filter(|c| !is_there(c)).cloned() {
             self.settle(most)?;
         }
@@ -319,7 +318,8 @@ impl<'a> Search<'a> {
         let weight = |h: &Hypothesis| h.log_evidence + log_prior(&h.names(&self.design), settings);
         let is_new = |h: &Hypothesis| {
             // One that did not come to its minimum may from here.
-            let is_finished = self.score(h).is_some_and(|s| s.predicted_decrease < 2.0 * settings.unfinished_nats);
+            let is_finished =
+                self.score(h).is_some_and(|s| s.predicted_decrease < 2.0 * settings.unfinished_nats);
             h.terms.len() <= self.options.largest_set && !is_finished && !h.terms.is_empty()
         };
         let leading = weight(&self.best);

@@ -7,12 +7,12 @@ use whorl_prediction::{Fitted as FittedToSamples, Laws, Settings, hints};
 use whorl_recording::Recording;
 
 use crate::DiagnosisError;
+use crate::bins::motion::Motion;
 use crate::evidence::ar_noise::{ArModels, alike};
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::regression::Normal;
 use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::{Hypothesis, Term};
-use crate::bins::motion::Motion;
 use crate::parameters::{Column, Point, Reference};
 use crate::refit::Refit;
 use crate::search::Search;

@@ -41,8 +41,10 @@ fn a_walk_of_the_gyros_bias_is_found_at_its_size() {
         let mut problem = problem_of(&model, &[run]);
         let point = problem.reference.point();
         problem.smooth(&point, ProcessNoise::Fixed(FREE_RATE_WALK)).unwrap();
-        problem.nuisance =
-            problem.likeliest_noise(&point, &[], crate::search::noise_optimisation::Sizes::Any).unwrap().sizes;
+        problem.nuisance = problem
+            .likeliest_noise(&point, &[], crate::search::noise_optimisation::Sizes::Any)
+            .unwrap()
+            .sizes;
         (problem.nuisance, problem.settings(0).gyro_bias_walk)
     };
     assert_eq!(found(quiet.clone()).0, Nuisance::default());
@@ -72,8 +74,9 @@ fn a_slow_random_torque_is_found_at_its_size() {
     let mut problem = problem_of(&model, &[run]);
     let point = problem.reference.point();
     problem.smooth(&point, ProcessNoise::Fixed(FREE_RATE_WALK)).unwrap();
-    let found = problem
-        .background(problem.likeliest_noise(&point, &[], crate::search::noise_optimisation::Sizes::Any).unwrap().sizes);
+    let found = problem.background(
+        problem.likeliest_noise(&point, &[], crate::search::noise_optimisation::Sizes::Any).unwrap().sizes,
+    );
     // Of the torque that there was; sizes are steps of a factor of three, and the nearest is off by half of one at most.
     let squares: f64 = course.iter().map(|torque| torque.norm_squared()).sum();
     let there_was = (squares / (3.0 * course.len() as f64)).sqrt();

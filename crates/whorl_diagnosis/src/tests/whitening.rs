@@ -60,6 +60,8 @@ fn the_true_model_leaves_white_noise() {
         // The noise level is measured from the same data, to a few per cent.
         assert!((power - 1.0).abs() < 0.08 + 5.0 * (2.0 / n).sqrt(), "{component:?}: power {power}");
         assert!(lag.abs() < 4.5 / n.sqrt() + 0.02, "{component:?}: correlation {lag}");
-        assert!(ArModel::of(&values, &crate::Settings::default()).coefficients.iter().all(|a| a.abs() < 0.15));
+        assert!(
+            ArModel::of(&values, &crate::Settings::default()).coefficients.iter().all(|a| a.abs() < 0.15)
+        );
     }
 }

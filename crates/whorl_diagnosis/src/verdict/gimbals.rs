@@ -16,9 +16,9 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use whorl_dynamics::Effect;
 use whorl_dynamics::effects::{Part, Signature, catalogue};
 
-use crate::diagnosis::{Candidate, ParameterEstimate};
 use crate::bins::motion::Motion;
 use crate::bins::run::Run;
+use crate::diagnosis::{Candidate, ParameterEstimate};
 use crate::search::Search;
 
 /// Share of its largest rate below which the sense of a gimbal's rate is noise.

@@ -5,8 +5,8 @@ use std::fmt;
 use nalgebra::{Matrix3, Vector3};
 
 use super::{
-    Aid, Clues, Contribution, EffectError, Evidence, Grouping, Need, ParameterSpec, Periodicity, Signature, Start,
-    ThrustLag,
+    Aid, Clues, Contribution, EffectError, Evidence, Grouping, Need, ParameterSpec, Periodicity, Signature,
+    Start, ThrustLag,
 };
 use crate::{Environment, PlatformModel};
 

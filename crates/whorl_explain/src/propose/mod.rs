@@ -8,7 +8,7 @@ mod tests;
 mod words;
 
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
-use whorl_diagnosis::{Diagnosis, Options, ExpectedInformation, Verdict, fit, expected_information};
+use whorl_diagnosis::{Diagnosis, ExpectedInformation, Options, Verdict, expected_information, fit};
 use whorl_dynamics::PlatformModel;
 use whorl_recording::{Mounting, Recording};
 
@@ -101,7 +101,8 @@ pub fn propose(
     }
     say(0.5, "evaluating the manoeuvres");
     let further: Vec<Recording> = tried.iter().map(|(_, _, motion, _)| motion.clone()).collect();
-    let found = expected_information(case.training, &further, case.model, case.prior, &explanations, options)?;
+    let found =
+        expected_information(case.training, &further, case.model, case.prior, &explanations, options)?;
     let mut judged: Vec<Judged> = tried
         .into_iter()
         .zip(found.with)

@@ -3,7 +3,7 @@
 use nalgebra::{Const, DMatrix, Dyn, OMatrix};
 use whorl_math::covariance::correct;
 
-use super::joint_model::{Posterior, JointModel, STATE, StateMatrix, StateVector};
+use super::joint_model::{JointModel, Posterior, STATE, StateMatrix, StateVector};
 use super::sample::AveragedSample;
 
 /// One row for each reading.

@@ -3,7 +3,7 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
-use super::joint_model::{Posterior, JointModel, Mean, STATE, StateMatrix, StateVector};
+use super::joint_model::{JointModel, Mean, Posterior, STATE, StateMatrix, StateVector};
 use super::noise::Noise;
 use super::physics::{Carried, Motion};
 use super::sample::AveragedSample;
@@ -84,7 +84,8 @@ impl JointFilter {
     /// Takes in one averaged sample; `None` until there are two, and when the sample could not be used.
     pub fn step(&mut self, point: &AveragedSample) -> Option<SequentialEstimate> {
         let Some(last) = self.last.replace(point.clone()) else {
-            self.posterior.mean.motion.omega_wb_b_rad_s = point.gyro_b_rad_s - self.posterior.mean.gyro_bias_rad_s;
+            self.posterior.mean.motion.omega_wb_b_rad_s =
+                point.gyro_b_rad_s - self.posterior.mean.gyro_bias_rad_s;
             return None;
         };
         let dt_s = point.time_s - last.time_s;
@@ -122,7 +123,8 @@ impl JointFilter {
 
     /// The motion is unknown again; the estimate of the parameters stays.
     fn lose_motion(&mut self, point: &AveragedSample) {
-        self.posterior.mean.motion.omega_wb_b_rad_s = point.gyro_b_rad_s - self.posterior.mean.gyro_bias_rad_s;
+        self.posterior.mean.motion.omega_wb_b_rad_s =
+            point.gyro_b_rad_s - self.posterior.mean.gyro_bias_rad_s;
         for n in 0..6 {
             for m in 0..STATE {
                 self.posterior.covariance[(n, m)] = 0.0;

@@ -4,7 +4,7 @@
 use nalgebra::{Const, DMatrix, DVector, Dyn, OMatrix};
 use whorl_math::covariance::correct;
 
-use super::joint_model::{Posterior, JointModel, Mean, STATE, StateMatrix, StateVector};
+use super::joint_model::{JointModel, Mean, Posterior, STATE, StateMatrix, StateVector};
 use super::sample::AveragedSample;
 
 /// From one sample to the next; `None` when that cannot be computed.

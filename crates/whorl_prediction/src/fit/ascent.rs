@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::problem::{Problem, Iterate};
+use super::problem::{Iterate, Problem};
 use crate::error::PredictionError;
 use crate::noise::Noise;
 use crate::passes::Passes;

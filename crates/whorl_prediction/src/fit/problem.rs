@@ -81,7 +81,11 @@ impl Problem<'_> {
     }
 
     /// The same without what they say of parameters.
-    pub fn passes_without_columns(&self, at: &[f64], runs: &[(Noise, Start)]) -> Result<Passes, PredictionError> {
+    pub fn passes_without_columns(
+        &self,
+        at: &[f64],
+        runs: &[(Noise, Start)],
+    ) -> Result<Passes, PredictionError> {
         self.each_pass(at, runs, |case, _, (noise, start)| Ok(pass_near(case, noise, start, None)))
     }
 

@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, DMatrix};
 
 use super::Fitted;
 use super::ascent::{Ascent, End};
-use super::problem::{Problem, Iterate, runs_of};
+use super::problem::{Iterate, Problem, runs_of};
 use crate::error::PredictionError;
 use crate::fitted::LARGEST_MISFIT;
 use crate::levels::{Followed, stands};
@@ -28,8 +28,7 @@ impl Problem<'_> {
                 Err(PredictionError::NoModel) => continue,
                 other => other?,
             };
-            let here =
-                Iterate { log_posterior: self.log_posterior(at, &followed), at: at.clone(), followed };
+            let here = Iterate { log_posterior: self.log_posterior(at, &followed), at: at.clone(), followed };
             if best.as_ref().is_none_or(|best| here.log_posterior > best.log_posterior) {
                 best = Some(here);
             }

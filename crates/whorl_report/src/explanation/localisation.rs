@@ -2,7 +2,7 @@
 
 use whorl_explain::Located;
 use whorl_validation::dependence::{Dependence, Dependences, Frame};
-use whorl_validation::{UnexplainedTorques, Localisation};
+use whorl_validation::{Localisation, UnexplainedTorques};
 
 use super::{Facts, facts};
 use crate::document::{Document, code, number, text};

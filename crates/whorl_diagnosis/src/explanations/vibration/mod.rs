@@ -12,10 +12,10 @@ use whorl_dynamics::effects::{Signature, catalogue};
 use whorl_trajectory::noise::typical_step_s;
 
 use crate::Settings;
-use crate::diagnosis::{Candidate, ParameterEstimate};
-use crate::explanations::place::Place;
 use crate::bins::motion::Motion;
 use crate::bins::run::Run;
+use crate::diagnosis::{Candidate, ParameterEstimate};
+use crate::explanations::place::Place;
 use crate::parameters::Point;
 use crate::whitening::columns::predict;
 use crate::whitening::mechanics::Mechanics;
@@ -226,7 +226,8 @@ pub(crate) fn fast_effects(place: Place<'_>, point: &Point, exclude: &[String]) 
         }
     }
     for effect in catalogue().iter().copied().filter(|effect| tested(effect.info().id)) {
-        if let Some(Signature::SensorLine { gyro, accelerometer, frequency, background }) = effect.signature() {
+        if let Some(Signature::SensorLine { gyro, accelerometer, frequency, background }) = effect.signature()
+        {
             let ([a, b, c], [d, e, f]) = (gyro, accelerometer);
             let names = line::Names { amplitude: [a, b, c, d, e, f], frequency, background };
             seen.rows.extend(line::vibration(&runs, effect, &names));

@@ -89,7 +89,11 @@ impl UnmodelledInput {
 }
 
 /// Whitened sensitivities to unmodelled inputs.
-pub(crate) fn unmodelled_input_response(run: &Run, linearised: &Linearised, inputs: &[UnmodelledInput]) -> Vec<Vec<Lanes>> {
+pub(crate) fn unmodelled_input_response(
+    run: &Run,
+    linearised: &Linearised,
+    inputs: &[UnmodelledInput],
+) -> Vec<Vec<Lanes>> {
     let changes: Vec<Change> = inputs.iter().map(|input| input.change(linearised)).collect();
     pass(run, linearised, &changes)
 }

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use nalgebra::Vector3;
 
 use super::super::{
-    BasePrior, Clues, Contribution, Direction, Effect, Grouping, ParameterSpec, Part, Resonance, Periodicity,
+    BasePrior, Clues, Contribution, Direction, Effect, Grouping, ParameterSpec, Part, Periodicity, Resonance,
     Role, Signature, catalogue,
 };
 use super::{neutral, platform, rich_run, specs, with_effect};
@@ -135,7 +135,11 @@ fn names_that_effects_give_are_those_of_their_parameters() {
             None => {}
         }
         let values: Vec<f64> = specs.iter().map(|spec| spec.neutral).collect();
-        assert_eq!(effect.imposed_hz(&values).is_some(), effect.periodicity() == Some(Periodicity::Torque), "{id}");
+        assert_eq!(
+            effect.imposed_hz(&values).is_some(),
+            effect.periodicity() == Some(Periodicity::Torque),
+            "{id}"
+        );
     }
 }
 
