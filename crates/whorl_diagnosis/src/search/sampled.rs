@@ -81,9 +81,9 @@ impl Beside {
         asked
     }
 
-    /// Whether the predicted probability of a set is not worth mentioning beside one of this log posterior. Only for sets that hold the
-    /// set of these normal equations, and besides it only effects that are linear. Far from an optimum the predicted gain may be half of
-    /// the true one.
+    /// Whether a set cannot change the answer beside one of this log posterior. Only for sets that hold the set of these normal
+    /// equations, and besides it only effects that are linear. A small predicted gain is exact enough: the fit is near its optimum
+    /// already. Far from an optimum the predicted gain may be half of the true one.
     fn rules_out(&self, names: &[String], most: f64, settings: &Settings) -> bool {
         let is_own = |name: &String| self.names.contains(name);
         if names.len() <= self.names.len() || !self.names.iter().all(|name| names.contains(name)) {
@@ -107,7 +107,7 @@ impl Beside {
         let gain = gain - choices - self.without;
         let most_gained = if gain > settings.window_nats { 2.0 * gain } else { gain };
         let predicted_gain = most_gained + log_prior(names, settings) - log_prior(&self.names, settings);
-        self.log_posterior + predicted_gain < most + settings.worth_mentioning.ln()
+        self.log_posterior + predicted_gain < most - settings.doubt_nats
     }
 
     /// The same of an effect with the likeliest of its choices of columns, less the log-prior penalty of the choice.

@@ -143,7 +143,8 @@ impl Search<'_> {
                 probability: 0.0,
             });
         }
-        let is_clean = score.is_some_and(|s| s.nuisance.torque == 0 && s.relative_error < rough)
+        let is_clean = score.is_some_and(|s| s.relative_error < rough)
+            && self.fitted(&self.best).is_some_and(Converged::needs_no_torque)
             && left < settings.noticed_stddevs
             && periodicity.is_none()
             // Errors of sensors may come and go too fast to leave a slow residual.
