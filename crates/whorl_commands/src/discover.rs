@@ -46,7 +46,7 @@ pub fn competitors(diagnosis: &Diagnosis) -> Vec<Vec<String>> {
 #[must_use]
 pub fn answer(found: &Discovery) -> Vec<String> {
     let mut sentences = Vec::new();
-    let Some(best) = found.laws.first() else { return vec!["Nothing could be weighed.".to_owned()] };
+    let Some(best) = found.laws.first() else { return vec!["Nothing could be evaluated.".to_owned()] };
     let percent = |law: &EvaluatedLaw| format!("{:.0} %", 100.0 * law.probability);
     let held = |law: &EvaluatedLaw| match law.held_out_gain {
         Some(gain) => format!(", held-out log likelihood {gain:+.1}"),

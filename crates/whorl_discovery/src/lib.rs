@@ -4,7 +4,7 @@
 //! recorded variables (powers, signs, saturations, dead zones, products, lags) about axes of body or room, along the rate,
 //! or on the wheels, up to three together. Every term passes through the whitening filter of the diagnosis
 //! ([`whorl_diagnosis::laws`]), so it competes under the same evidence as the catalogue's effects, beside the platform's
-//! own parameters; every symbol has a price (`terms.rs`). The best become effects of the catalogue, written as data, and
+//! own parameters; every symbol has a log-prior penalty (`terms.rs`). The best become effects of the catalogue, written as data, and
 //! are evaluated where each fits best, together with the model as it is, the catalogue's nearest effects, and a measured curve
 //! for where there is no law.
 
@@ -27,7 +27,7 @@ use crate::law::{Law, curve_of, law_of};
 use crate::search::{Ground, proposals};
 
 /// Laws that are evaluated where each fits best.
-const WEIGHED: usize = 8;
+const EVALUATED: usize = 8;
 
 /// Log prior of something unmodelled, of an effect of the catalogue, as in the diagnosis.
 const UNMODELLED: f64 = 0.01;
@@ -72,7 +72,7 @@ pub struct EvaluatedLaw {
     pub kind: &'static str,
     /// Posterior probability among all that was evaluated, 0 to 1.
     pub probability: f64,
-    /// Log evidence over the model as it is, prices not included.
+    /// Log evidence over the model as it is, log-prior penalties not included.
     pub log_evidence: f64,
     /// Log likelihood gained on held-out runs; `None` without such runs.
     pub held_out_gain: Option<f64>,
@@ -164,7 +164,7 @@ pub fn discover(
     let (proposed, tried) = proposals(&ground, &mut |share, doing| say(0.1 + 0.4 * share, doing))?;
     let mut laws: Vec<Law> = Vec::new();
     for proposal in proposed.iter().flat_map(with_parts) {
-        if laws.len() >= WEIGHED {
+        if laws.len() >= EVALUATED {
             break;
         }
         let law = law_of(&ground, &proposal, &format!("{id}_candidate_{}", laws.len() + 1))?;
