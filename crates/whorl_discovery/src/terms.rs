@@ -249,7 +249,8 @@ pub(crate) fn single_terms(variables: &[Variable]) -> Vec<Term> {
                 n => (format!("{function}({n} * heading)"), format!("{n} times the heading")),
             };
             for direction in AXES {
-                let log_prior = log_priors.variable + log_priors.direction + log_priors.of_symbols(1.0 + f64::from(n));
+                let log_prior =
+                    log_priors.variable + log_priors.direction + log_priors.of_symbols(1.0 + f64::from(n));
                 let words = format!("the {} of {words}", if function == "sin" { "sine" } else { "cosine" });
                 terms.push(term(factor.clone(), words, direction, log_prior, "heading"));
             }
@@ -281,7 +282,7 @@ pub(crate) fn single_terms(variables: &[Variable]) -> Vec<Term> {
     ];
     for (factor, words, symbols) in powers {
         let log_prior = log_priors.direction + log_priors.of_symbols(symbols);
-        terms.push(term(factor.into(), words.into(), Direction::AlongRate, price, "norm(rate)"));
+        terms.push(term(factor.into(), words.into(), Direction::AlongRate, log_prior, "norm(rate)"));
         for v in &others {
             let bends: &[(String, String)] = &[
                 (v.text.clone(), v.words.clone()),
@@ -310,7 +311,7 @@ pub(crate) fn single_terms(variables: &[Variable]) -> Vec<Term> {
             ("beyond", "edge", "Rate below which it is absent.", "the rate beyond a threshold"),
         ] {
             let factor = format!("{function}(norm(rate), {{0}})");
-            let bare = term(factor, words.into(), Direction::AlongRate, price, "norm(rate)");
+            let bare = term(factor, words.into(), Direction::AlongRate, log_prior, "norm(rate)");
             terms.push(Term { shape: shape(name, meaning), ..bare });
         }
     }
