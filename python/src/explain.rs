@@ -14,7 +14,7 @@ use whorl_commands::{
 use whorl_commands::{locate as location, options, simulate::utc_now};
 use whorl_diagnosis::Options;
 use whorl_dynamics::effects::find;
-use whorl_explain::Say;
+use whorl_explain::ProgressCallback;
 use whorl_identification::Settings;
 use whorl_params::effect_yaml;
 use whorl_recording::KnownPlatform;
@@ -99,7 +99,7 @@ pub fn locate(
     watched(py, progress, move |say| {
         let found = whorl_explain::locate(&runs.case(), &options(), say)?;
         let json = location::as_json(&runs.known.platform, &found)?;
-        Ok((json.to_string(), whorl_report::whereabouts_html(&found, &runs.facts)))
+        Ok((json.to_string(), whorl_report::localisation_html(&found, &runs.facts)))
     })
 }
 
@@ -168,7 +168,7 @@ pub fn discover(
         let answer = discovery::answer(&found);
         let json = discovery::as_json(name, &asked, Some(&found), &answer)?;
         let page = whorl_report::discovery_html(&found, &answer, &runs.facts);
-        let yaml = |law: Option<&whorl_discovery::WeighedLaw>| {
+        let yaml = |law: Option<&whorl_discovery::EvaluatedLaw>| {
             let law = law?;
             Some(effect_yaml(law.definition.as_ref()?, &format!("{}\n{source}", law.sentence)))
         };
@@ -227,7 +227,7 @@ pub fn identify(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Option<Platform>)> {
     let Material { runs, .. } = material(&training, &[], platform, "identify")?;
-    watched(py, progress, move |say: &mut Say<'_>| {
+    watched(py, progress, move |say: &mut ProgressCallback<'_>| {
         if !(prior_scale > 0.0 && prior_scale.is_finite()) {
             bail!("prior_scale is {prior_scale}; allowed: a positive number");
         }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use whorl_commands::discover::{answer, as_json, competitors, settled};
-use whorl_discovery::{Discovery, WeighedLaw, discover};
+use whorl_discovery::{Discovery, EvaluatedLaw, discover};
 use whorl_math::three_digits;
 use whorl_params::effect_yaml;
 
@@ -100,7 +100,7 @@ fn id_of(path: &Path) -> anyhow::Result<String> {
     Ok(id)
 }
 
-fn written(path: &Path, law: &WeighedLaw, provenance: &str) -> anyhow::Result<()> {
+fn written(path: &Path, law: &EvaluatedLaw, provenance: &str) -> anyhow::Result<()> {
     let definition = law.definition.clone().with_context(|| "this law is no effect of its own")?;
     let id = id_of(path)?;
     let fitted: Vec<String> =

@@ -56,7 +56,7 @@ fn tell(made: &NewRig, file: &Path) {
         }
     }
     for reason in &made.refused {
-        say!("to be mended first: {reason}");
+        say!("to be corrected first: {reason}");
     }
     let (file, map, rig) = (file.display(), made.map.display(), made.rig.display());
     say!("next: whorl compare {file} --channels {map} --model {rig}");

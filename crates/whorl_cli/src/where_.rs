@@ -3,7 +3,7 @@
 use whorl_commands::locate::as_json;
 use whorl_commands::options;
 use whorl_explain::locate;
-use whorl_validation::Whereabouts;
+use whorl_validation::Localisation;
 use whorl_validation::dependence::{Dependences, Frame};
 
 use crate::explain::ExplainArguments;
@@ -41,14 +41,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     print_shares(&found.pooled);
     arguments.explain.write_json(|| as_json(&runs.known.platform, &found))?;
-    let page = whorl_report::whereabouts_html(&found, &runs.facts);
+    let page = whorl_report::localisation_html(&found, &runs.facts);
     let page = arguments.explain.write_page("where.html", &page)?;
     say!("\npage: {}", page.display());
     Ok(())
 }
 
 /// Share of the excess that each quantity explains, of body and motors.
-fn print_shares(where_: &Whereabouts) {
+fn print_shares(where_: &Localisation) {
     let title = |of: &str| {
         format!("\n{}: share of the excess{of} that each quantity explains (shares overlap)", where_.run)
     };

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use anyhow::bail;
 use serde_json::json;
 use whorl_explain::adopt::versions;
-use whorl_explain::{Case, ComparedRun, Say, prediction_error};
+use whorl_explain::{Case, ComparedRun, ProgressCallback, prediction_error};
 use whorl_validation::comparison::PREDICTION_RULE;
 
 use crate::options;
@@ -17,7 +17,10 @@ const SCHEMA: u32 = 2;
 ///
 /// # Errors
 /// When a run cannot be compared, or the parameters cannot be refitted.
-pub fn refitted(case: &Case<'_>, say: &mut Say<'_>) -> anyhow::Result<(Vec<ComparedRun>, Vec<ComparedRun>)> {
+pub fn refitted(
+    case: &Case<'_>,
+    say: &mut ProgressCallback<'_>,
+) -> anyhow::Result<(Vec<ComparedRun>, Vec<ComparedRun>)> {
     let (versions, left_out) = versions(case, &[], &BTreeMap::new(), &options(), say)?;
     let mut versions = versions.into_iter();
     match (versions.next(), versions.next(), left_out.first()) {

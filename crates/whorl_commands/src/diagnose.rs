@@ -1,7 +1,7 @@
 //! Answers of `diagnose` as data.
 
 use whorl_diagnosis::{FittedSet, Options};
-use whorl_explain::{ExplainError, Explanation, Say, diagnose};
+use whorl_explain::{ExplainError, Explanation, ProgressCallback, diagnose};
 
 use crate::next;
 use crate::runs::Runs;
@@ -10,7 +10,11 @@ use crate::runs::Runs;
 ///
 /// # Errors
 /// When the recordings cannot be explained at all.
-pub fn with_next(runs: &Runs, options: &Options, say: &mut Say<'_>) -> Result<Explanation, ExplainError> {
+pub fn with_next(
+    runs: &Runs,
+    options: &Options,
+    say: &mut ProgressCallback<'_>,
+) -> Result<Explanation, ExplainError> {
     let mut found = diagnose(&runs.case(), options, &mut |share, doing| say(0.8 * share, doing))?;
     let mut rest = |share: f64, doing: &str| say(0.8 + 0.2 * share, doing);
     if let Some(next) = next::suggestion(runs, &found.diagnosis, options, &mut rest) {

@@ -1,7 +1,7 @@
 //! Before and after a search for a law: whether to search, what competes, and the answer.
 
 use whorl_diagnosis::{Diagnosis, Verdict};
-use whorl_discovery::{Discovery, WeighedLaw};
+use whorl_discovery::{Discovery, EvaluatedLaw};
 use whorl_math::three_digits;
 
 /// Version of the JSON output.
@@ -46,9 +46,9 @@ pub fn competitors(diagnosis: &Diagnosis) -> Vec<Vec<String>> {
 #[must_use]
 pub fn answer(found: &Discovery) -> Vec<String> {
     let mut sentences = Vec::new();
-    let Some(best) = found.laws.first() else { return vec!["Nothing could be weighed.".to_owned()] };
-    let percent = |law: &WeighedLaw| format!("{:.0} %", 100.0 * law.probability);
-    let held = |law: &WeighedLaw| match law.held_out_gain {
+    let Some(best) = found.laws.first() else { return vec!["Nothing could be evaluated.".to_owned()] };
+    let percent = |law: &EvaluatedLaw| format!("{:.0} %", 100.0 * law.probability);
+    let held = |law: &EvaluatedLaw| match law.held_out_gain {
         Some(gain) => format!(", held-out log likelihood {gain:+.1}"),
         None => String::new(),
     };

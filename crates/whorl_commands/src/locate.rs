@@ -2,7 +2,7 @@
 
 use serde_json::json;
 use whorl_explain::Located;
-use whorl_validation::Whereabouts;
+use whorl_validation::Localisation;
 
 /// Version of the JSON output.
 const SCHEMA: u32 = 3;
@@ -12,7 +12,7 @@ const SCHEMA: u32 = 3;
 /// # Errors
 /// When a number cannot be serialised.
 pub fn as_json(platform: &str, found: &Located) -> anyhow::Result<serde_json::Value> {
-    let one = |where_: &Whereabouts| -> anyhow::Result<serde_json::Value> {
+    let one = |where_: &Localisation| -> anyhow::Result<serde_json::Value> {
         let mut value = serde_json::to_value(where_)?;
         if let Some(object) = value.as_object_mut() {
             object.insert("answer".to_owned(), json!(where_.answer()));

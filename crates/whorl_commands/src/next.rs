@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use whorl_diagnosis::{Diagnosis, NextManoeuvre, Options, Verdict};
 use whorl_explain::propose::leading_explanation;
-use whorl_explain::{Proposal, Say, propose};
+use whorl_explain::{ProgressCallback, Proposal, propose};
 use whorl_recording::KnownPlatform;
 
 use crate::rehearsal::Stage;
@@ -17,7 +17,7 @@ pub fn suggestion(
     runs: &Runs,
     diagnosis: &Diagnosis,
     options: &Options,
-    say: &mut Say<'_>,
+    say: &mut ProgressCallback<'_>,
 ) -> Option<NextManoeuvre> {
     if !matches!(diagnosis.verdict, Verdict::Confounded | Verdict::NotEnoughInformation) {
         return None;
@@ -30,7 +30,7 @@ pub fn suggestion(
             "{} {} ({}); `whorl next` writes it as an experiment",
             runs.known.platform, best.manoeuvre.words, best.manoeuvre.name
         ),
-        expected_log_odds: best.prospect.log_odds.unwrap_or(0.0),
+        expected_log_odds: best.expected.log_odds.unwrap_or(0.0),
     })
 }
 
@@ -44,7 +44,7 @@ pub fn proposal(
     common: &Path,
     diagnosis: &Diagnosis,
     options: &Options,
-    say: &mut Say<'_>,
+    say: &mut ProgressCallback<'_>,
 ) -> anyhow::Result<Proposal> {
     let (case, known) = (runs.case(), &runs.known);
     say(0.0, "fitting the leading explanation");

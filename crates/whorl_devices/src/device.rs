@@ -89,8 +89,8 @@ pub struct UsedTopic {
 pub struct Wrong {
     /// What was found.
     pub found: String,
-    /// What mends it.
-    pub mend: String,
+    /// The remedy.
+    pub remedy: String,
 }
 
 /// One device of a platform.

@@ -47,7 +47,7 @@ pub struct ParameterEstimate {
 pub struct Candidate {
     /// Id in the catalogue.
     pub effect: String,
-    /// Log evidence gained by adding it to the chosen set; for a member of the set, lost by removing it.
+    /// Log evidence gained by adding it to the chosen set; for a term of the set, lost by removing it.
     pub delta_log_evidence: f64,
     /// Log likelihood gained on data that did not take part in its fit; > 0 = predicts better.
     pub held_out_gain: f64,
@@ -109,7 +109,7 @@ impl Unknown {
 pub struct Explanation {
     /// Effects of the catalogue that it holds; empty for none.
     pub effects: Vec<String>,
-    /// It also holds something without a name.
+    /// It also holds something unmodelled.
     pub with_unknown: bool,
     /// Posterior probability, 0 to 1.
     pub probability: f64,
@@ -136,11 +136,11 @@ pub struct ParameterOfSet {
 pub struct FittedSet {
     /// Effects of the catalogue that it holds; empty for none.
     pub effects: Vec<String>,
-    /// What it also holds that has no name: a law beside the effects, or a slow random torque that is no background.
+    /// What it also holds that is unmodelled: a law beside the effects, or a slow random torque that is no background.
     pub unmodelled: Option<Unknown>,
-    /// What was fitted, and where; the platform's own parameters among it. Empty for a law without a name.
+    /// What was fitted, and where; the platform's own parameters among it. Empty for an unmodelled law.
     pub parameters: Vec<ParameterOfSet>,
-    /// Log evidence that it is believed with.
+    /// Log evidence with which it enters the posterior.
     pub log_evidence: f64,
     /// Log evidence of bins of a smoothed motion; `None` for a set that only the samples proposed, and for laws.
     pub log_evidence_bins: Option<f64>,
@@ -153,7 +153,7 @@ pub struct FittedSet {
     pub log_prior: f64,
     /// Log posterior.
     pub log_posterior: f64,
-    /// Posterior probability, 0 to 1; 0 for a set that may not be believed: it does not lower the error, or was not judged
+    /// Posterior probability, 0 to 1; 0 for a set that is not admissible: it does not lower the error, or was not judged
     /// on the samples beside sets that were.
     pub probability: f64,
     /// Whether the samples were asked.

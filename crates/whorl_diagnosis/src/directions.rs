@@ -1,4 +1,4 @@
-//! The directions in which a platform's model can be wrong, for those who weigh evidence while it comes.
+//! The directions in which a platform's model can be wrong, for those who evaluate evidence as data arrive.
 //!
 //! The columns, their priors and the ways in which effects enter are those of the diagnosis. What a direction changes
 //! of a prediction is the difference between the platform moved along it and the platform as it is.
@@ -7,7 +7,7 @@ use whorl_dynamics::effects::Part;
 use whorl_dynamics::{Gyrostat, ModelPrior, PlatformModel};
 
 use crate::DiagnosisError;
-use crate::explanations::candidates::{Layout, whole_parts};
+use crate::explanations::candidates::{Design, whole_parts};
 use crate::explanations::lines::Lines;
 use crate::parameters::available::Available;
 use crate::parameters::{Reference, Target};
@@ -108,10 +108,10 @@ pub fn directions(
         largest_turn_rad: 0.0,
         clips: false,
     };
-    let layout = Layout::new(&reference, &point, &available, &[], &Lines::default(), false);
+    let design = Design::new(&reference, &point, &available, &[], &Lines::default(), false);
     let mut found = Directions { base: base.gyrostat.clone(), directions: Vec::new(), suspects: Vec::new() };
-    let mut places = vec![None; layout.columns.len()];
-    for (column, place) in layout.columns.iter().zip(&mut places) {
+    let mut places = vec![None; design.columns.len()];
+    for (column, place) in design.columns.iter().zip(&mut places) {
         // A direction in which no body can go is none.
         let Ok(moved) = Moved::new(&base, &reference, &point, column) else { continue };
         *place = Some(found.directions.len());
@@ -137,8 +137,8 @@ pub fn directions(
             units: moved.units,
         });
     }
-    for candidate in &layout.candidates {
-        for option in whole_parts(&candidate.options, &layout.columns) {
+    for candidate in &design.candidates {
+        for option in whole_parts(&candidate.options, &design.columns) {
             let own: Option<Vec<usize>> =
                 option.iter().map(|column| places.get(*column).copied().flatten()).collect();
             if let Some(directions) = own {

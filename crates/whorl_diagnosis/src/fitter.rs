@@ -12,7 +12,7 @@ use crate::parameters::Point;
 use crate::parameters::available::Available;
 use crate::refit::{Entered, Fit, Refit};
 use crate::search::Search;
-use crate::search::prospect::make_columns_for;
+use crate::search::expected_information::make_columns_for;
 use crate::search::step::{base_point_with, point_of};
 use crate::{DiagnosisError, Options, delaying, prepare};
 
@@ -150,7 +150,7 @@ impl<'a> Fitter<'a> {
         let mut search = Search::at(&mut problem, None, &options, point.clone())?;
         make_columns_for(&mut search, ids)?;
         search.adopt(chosen)?;
-        let found = point_of(search.problem, &search.layout, &search.point, &search.best);
-        Ok((found, Entered::of(&search.layout, &search.best.members)))
+        let found = point_of(search.problem, &search.design, &search.point, &search.best);
+        Ok((found, Entered::of(&search.design, &search.best.terms)))
     }
 }

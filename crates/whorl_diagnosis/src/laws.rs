@@ -1,9 +1,8 @@
-//! Laws that somebody else proposes, under the evidence of this crate: what a search for the form of a missing law stands
-//! on.
+//! Evaluates laws that a caller proposes by the evidence of this crate: the basis of a search for the form of a missing law.
 //!
 //! A torque that any function of the motion gives passes through the whitening filter like an effect; beside the
-//! platform's own parameters it has a log evidence ([`LawRegression::fit`]). That only proposes. What is believed follows
-//! from [`LawBench::weigh`]: effects of the catalogue, written ones as well, each fitted where it fits best, with the noise
+//! platform's own parameters it has a log evidence ([`LawRegression::fit`]). That only proposes. The answer follows
+//! from [`LawBench::evaluate`]: effects of the catalogue, written ones as well, each fitted where it fits best, with the noise
 //! that is likeliest beside it, training and held-out runs together.
 
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -12,14 +11,14 @@ use whorl_dynamics::{Environment, ModelPrior, PlatformModel};
 use whorl_recording::Recording;
 
 use crate::evidence::nuisance::Nuisance;
-use crate::evidence::problem::{Problem, Trust};
+use crate::evidence::problem::{Problem, ProcessNoise};
 use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::hypothesis::Hypothesis;
 use crate::parameters::Point;
 use crate::search::Search;
-use crate::search::prospect::make_columns_for;
+use crate::search::expected_information::make_columns_for;
 use crate::search::step::{NO_FIT, base_point_with, dataset};
-use crate::whitening::columns::{GROUPS, LANES, Stray, stray_response};
+use crate::whitening::columns::{GROUPS, LANES, UnmodelledInput, unmodelled_input_response};
 use crate::whitening::mechanics::Mechanics;
 use crate::{DiagnosisError, Options, prepare, threads};
 
@@ -33,10 +32,10 @@ pub enum LawSignal {
 }
 
 impl LawSignal {
-    fn stray(self) -> Stray {
+    fn unmodelled_input(self) -> UnmodelledInput {
         match self {
-            Self::Torque(torque) => Stray::Torque(torque),
-            Self::Wheel(wheel, torque) => Stray::Wheel(wheel, torque),
+            Self::Torque(torque) => UnmodelledInput::Torque(torque),
+            Self::Wheel(wheel, torque) => UnmodelledInput::Wheel(wheel, torque),
         }
     }
 }
@@ -123,7 +122,7 @@ fn reduced(normal: &Normal, out: &[usize], precision: &[f64]) -> Option<Normal> 
 
 /// A set of effects where it fits best.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Weighed {
+pub struct Evaluated {
     /// The effects, by their ids.
     pub effects: Vec<String>,
     /// Log evidence, training and held-out runs together; comparable between the sets of one call.
@@ -138,7 +137,7 @@ pub struct Weighed {
     pub background_n_m: f64,
 }
 
-/// Recordings and a model against which laws are weighed.
+/// Recordings and a model against which laws are evaluated.
 pub struct LawBench {
     options: Options,
     problem: Problem,
@@ -162,18 +161,18 @@ impl LawBench {
         let (mut problem, mut held_out) =
             prepare(training, held_out, model, prior, options, None, &mut |_| {})?;
         let point = base_point_with(&mut problem, &mut held_out.as_mut())?;
-        // A law must be seen as sharply as it can be: noise that stands in for it would hide it.
+        // A law must show as clearly as it can: process noise that stands in for it would hide it.
         problem.nuisance = Nuisance::default();
         if let Some(held) = &mut held_out {
             held.nuisance = problem.nuisance;
-            held.smooth(&point, Trust::AsDataSay)?;
+            held.smooth(&point, ProcessNoise::Estimated)?;
         }
         Ok(Self { options: options.clone(), problem, held_out, point })
     }
 
-    /// Root mean square of the torque that turned the platform [N m].
+    /// Root mean square of the torque applied to the platform [N m].
     #[must_use]
-    pub fn torque_at_work_n_m(&self) -> f64 {
+    pub fn applied_torque_rms_n_m(&self) -> f64 {
         self.problem.torques.body_n_m
     }
 
@@ -213,7 +212,7 @@ impl LawBench {
     #[must_use]
     pub fn recorded(&self) -> Recorded {
         let problems = || std::iter::once(&self.problem).chain(&self.held_out);
-        let every = |has: fn(&crate::layout::run::Run) -> bool| problems().all(|p| p.runs.iter().all(has));
+        let every = |has: fn(&crate::bins::run::Run) -> bool| problems().all(|p| p.runs.iter().all(has));
         Recorded {
             pressure: every(|r| r.has_pressure),
             voltage: every(|r| r.has_voltage),
@@ -236,7 +235,7 @@ impl LawBench {
         if let Some(held) = &self.held_out {
             all.add(&self.regression_of(held, first_held, signals)?, 1.0);
         }
-        let base = self.base_layout();
+        let base = self.base_design();
         let own: Vec<usize> = (0..base.columns.len()).collect();
         let precision: Vec<f64> = own.iter().map(|i| 1.0 / base.base_variance(*i).max(1e-12)).collect();
         let alone = |normal: &Normal| -> Result<Normal, DiagnosisError> {
@@ -257,10 +256,10 @@ impl LawBench {
         Ok(LawRegression { all, training, held_out })
     }
 
-    fn base_layout(&self) -> crate::explanations::candidates::Layout {
+    fn base_design(&self) -> crate::explanations::candidates::Design {
         let available = crate::parameters::available::Available::of(&self.problem.runs);
         let lines = crate::explanations::lines::Lines::default();
-        crate::explanations::candidates::Layout::of_effects(
+        crate::explanations::candidates::Design::of_effects(
             &self.problem.reference,
             &self.point,
             &available,
@@ -276,10 +275,10 @@ impl LawBench {
         first: usize,
         signals: &[Vec<LawSignal>],
     ) -> Result<Normal, DiagnosisError> {
-        let layout = self.base_layout();
-        let data = dataset(problem, &self.point, &layout, None)?;
+        let design = self.base_design();
+        let data = dataset(problem, &self.point, &design, None)?;
         let linearised = problem.linearise(&self.point)?;
-        let base = layout.columns.len();
+        let base = design.columns.len();
         let mut normal = Normal::zeros(base + signals.len());
         let all: Vec<usize> = (0..base).collect();
         for (r, run) in problem.runs.iter().enumerate() {
@@ -288,25 +287,25 @@ impl LawBench {
             let responses = threads::map(problem.threads, &chunks, |chunk| {
                 let own = |signal: &Vec<LawSignal>| {
                     let none = || LawSignal::Torque(Vec::new());
-                    signal.get(first + r).cloned().unwrap_or_else(none).stray()
+                    signal.get(first + r).cloned().unwrap_or_else(none).unmodelled_input()
                 };
-                let strays: Vec<Stray> = chunk.iter().map(own).collect();
-                stray_response(run, linear, &strays)
+                let inputs: Vec<UnmodelledInput> = chunk.iter().map(own).collect();
+                unmodelled_input_response(run, linear, &inputs)
             });
             let responses = responses.into_iter().flatten().collect();
-            let colours = data.colours.get(r).map_or(&[][..], Vec::as_slice);
-            let widened = old.widened(&all, responses, signals.len(), colours, problem.threads);
+            let ar_models = data.ar_models.get(r).map_or(&[][..], Vec::as_slice);
+            let widened = old.widened(&all, responses, signals.len(), ar_models, problem.threads);
             widened.add_unfilled(&widened.normal(problem.threads), &mut normal);
         }
         Ok(normal)
     }
 
-    /// Weighs sets of effects, each where it fits best; the empty set is the model as it is. `None` for a set that cannot
+    /// Evaluates sets of effects, each where it fits best; the empty set is the model as it is. `None` for a set that cannot
     /// stand: an effect would have to act against its sign.
     ///
     /// # Errors
     /// An id that is no effect; as [`crate::diagnose`].
-    pub fn weigh(&self, sets: &[Vec<String>]) -> Result<Vec<Option<Weighed>>, DiagnosisError> {
+    pub fn evaluate(&self, sets: &[Vec<String>]) -> Result<Vec<Option<Evaluated>>, DiagnosisError> {
         let ids: Vec<&str> = sets.iter().flatten().map(String::as_str).collect();
         if let Some(id) = ids.iter().find(|id| find(id).is_none()) {
             return Err(DiagnosisError::UnknownEffect { id: (*id).to_owned() });
@@ -316,33 +315,33 @@ impl LawBench {
         let (mut problem, mut held_out) = (self.problem.clone(), self.held_out.clone());
         let mut search = Search::at(&mut problem, held_out.as_mut(), &options, self.point.clone())?;
         make_columns_for(&mut search, &ids)?;
-        let mut weighed = Vec::new();
+        let mut evaluated = Vec::new();
         for set in sets {
             let mut start = Some(search.base.clone());
             for id in set {
-                let candidate = search.layout.candidates.iter().position(|c| c.id == id);
+                let candidate = search.design.candidates.iter().position(|c| c.id == id);
                 start = start
                     .zip(candidate)
-                    .and_then(|(h, c): (Hypothesis, usize)| h.with(&search.layout, &search.data.total, c));
+                    .and_then(|(h, c): (Hypothesis, usize)| h.with(&search.design, &search.data.total, c));
             }
             let Some(start) = start else {
-                weighed.push(None);
+                evaluated.push(None);
                 continue;
             };
-            let found = search.converge(&start)?.map(|c| Weighed {
+            let found = search.converge(&start)?.map(|c| Evaluated {
                 effects: set.clone(),
-                log_evidence: c.standing.worth(&options.settings),
-                log_likelihood: c.standing.log_likelihood,
-                held_log_likelihood: c.standing.held_log_likelihood,
+                log_evidence: c.score.worth(&options.settings),
+                log_likelihood: c.score.log_likelihood,
+                held_log_likelihood: c.score.held_log_likelihood,
                 values: set
                     .iter()
                     .filter_map(|id| Some((id.clone(), c.point.effects.get(id.as_str())?.clone())))
                     .collect(),
-                background_n_m: search.problem.background(c.standing.nuisance).stddev_n_m,
+                background_n_m: search.problem.background(c.score.nuisance).stddev_n_m,
             });
-            weighed.push(found);
+            evaluated.push(found);
         }
-        Ok(weighed)
+        Ok(evaluated)
     }
 }
 

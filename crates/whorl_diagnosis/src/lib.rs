@@ -13,6 +13,7 @@
 //! own parameters are always refitted within their priors. This is the generalised least-squares form
 //! of the integrated (momentum) residual: no noisy rate is differentiated.
 
+mod bins;
 mod diagnosis;
 mod directions;
 mod error;
@@ -20,7 +21,6 @@ mod evidence;
 mod explanations;
 mod fitter;
 pub mod laws;
-mod layout;
 mod low_pass;
 mod options;
 mod parameters;
@@ -42,7 +42,7 @@ pub use error::DiagnosisError;
 pub use fitter::{Fitter, fit};
 pub use options::{Options, Progress};
 pub use refit::{Fit, FittedParameter};
-pub use search::prospect::{Prospect, Prospects, prospects};
+pub use search::expected_information::{ExpectedInformation, InformationByRun, expected_information};
 pub use settings::{Allowed, Setting, Settings};
 
 use whorl_dynamics::{ModelPrior, PlatformModel};
@@ -51,7 +51,7 @@ use whorl_recording::Recording;
 use parameters::available::Available;
 use search::Search;
 use search::judge::{Judge, Judgement};
-use search::latency::Late;
+use search::latency::FoundLatency;
 
 /// Finds the effect that the model lacks.
 ///
@@ -91,15 +91,17 @@ pub fn diagnose(
     };
     let recordings = (training, held_out);
     let (search, without) = searched(&mut problem, held.as_mut(), recordings, options, progress)?;
-    let Some(late_s) = without.worth_a_new_layout(search.0.problem.reference.late_s, &options.settings)
+    let Some(extra_latency_s) =
+        without.worth_new_bins(search.0.problem.reference.extra_latency_s, &options.settings)
     else {
         return Ok(noted(answer(search, recordings, progress)?));
     };
     drop(search);
     drop((problem, held));
-    let (mut problem, mut held) = prepare(training, held_out, model, prior, options, Some(late_s), progress)?;
-    let (search, late) = searched(&mut problem, held.as_mut(), recordings, options, progress)?;
-    if late.explains_more_than_others(&without, &options.settings) {
+    let (mut problem, mut held) =
+        prepare(training, held_out, model, prior, options, Some(extra_latency_s), progress)?;
+    let (search, latency) = searched(&mut problem, held.as_mut(), recordings, options, progress)?;
+    if latency.explains_more_than_others(&without, &options.settings) {
         return Ok(noted(answer(search, recordings, progress)?));
     }
     drop(search);
@@ -109,7 +111,7 @@ pub fn diagnose(
     Ok(noted(answer(search, recordings, progress)?))
 }
 
-/// A search, with what its sets are judged beside.
+/// A search, with the reference against which its sets are judged.
 type Searched<'a> = (Search<'a>, Option<Judgement<'a>>);
 
 /// A search, and what it found of a latency.
@@ -119,13 +121,13 @@ fn searched<'a>(
     (training, held_out_recordings): (&'a [Recording], &'a [Recording]),
     options: &'a Options,
     progress: &mut dyn FnMut(Progress),
-) -> Result<(Searched<'a>, Late), DiagnosisError> {
+) -> Result<(Searched<'a>, FoundLatency), DiagnosisError> {
     let available = Available::of(&problem.runs);
     let judge = Judge { training, held_out: held_out_recordings, available, threads: options.threads };
     let mut search = Search::start(problem, held_out, options, progress)?;
     let judgement = search.run(judge, progress)?;
-    let late = Late::of(&search);
-    Ok(((search, judgement), late))
+    let latency = FoundLatency::of(&search);
+    Ok(((search, judgement), latency))
 }
 
 /// The answer of a search, judged by the samples.
@@ -134,16 +136,16 @@ fn answer(
     recordings: (&[Recording], &[Recording]),
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Diagnosis, DiagnosisError> {
-    search.judge_rest(judgement, progress)?;
+    search.judge_remaining(judgement, progress)?;
     progress(Progress { share: 0.95, doing: "writing the answer" });
     let mut diagnosis = search.answer(recordings.0)?;
     diagnosis.fits = search.fits_of([Vec::new(), diagnosis.effects.clone()])?;
     if let Some(remark) = verdict::unrecorded::pulses(&search)? {
         return Ok(diagnosis.withheld(remark));
     }
-    if let (Some(what), Some(first)) = (search.beyond_belief(), search.problem.runs.first()) {
+    if let (Some(what), Some(first)) = (search.implausible_inertia(), search.problem.runs.first()) {
         let other = DiagnosisError::OtherPlatform { run: first.name.clone(), what };
-        // What nothing explains may bend the model as much.
+        // A missing effect that nothing explains may bias the model as much.
         if diagnosis.verdict != Verdict::Unknown {
             return Err(other);
         }
@@ -175,7 +177,7 @@ fn delaying(
     let stated = &problem.reference.model;
     match &options.delaying {
         Some(known) => Ok(known.clone()),
-        None if problem.runs.iter().any(layout::run::Run::is_blind) => Ok(stated.clone()),
+        None if problem.runs.iter().any(bins::run::Run::is_blind) => Ok(stated.clone()),
         None => {
             let found = low_pass::without_those_that_do_not_delay(problem, training, options.threads)?;
             Ok(found.unwrap_or_else(|| stated.clone()))
@@ -183,7 +185,7 @@ fn delaying(
     }
 }
 
-/// Checks the inputs and divides the recordings into bins. `late_s` is the latency of the inertial units' stamps, if it
+/// Checks the inputs and divides the recordings into bins. `extra_latency_s` is the latency of the inertial units' stamps, if it
 /// differs from the model's.
 fn prepare(
     training: &[Recording],
@@ -191,7 +193,7 @@ fn prepare(
     model: &PlatformModel,
     prior: &ModelPrior,
     options: &Options,
-    late_s: Option<f64>,
+    extra_latency_s: Option<f64>,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<(evidence::problem::Problem, Option<evidence::problem::Problem>), DiagnosisError> {
     progress(Progress { share: 0.0, doing: "reading the recordings" });
@@ -205,7 +207,7 @@ fn prepare(
     }
     let mut reference = parameters::Reference::new(model, prior);
     reference.settings = options.settings;
-    reference.late_s = late_s.unwrap_or(reference.late_s);
+    reference.extra_latency_s = extra_latency_s.unwrap_or(reference.extra_latency_s);
     // All runs, including held-out ones, use bins of the same width, chosen to limit the number of nodes.
     let recordings = training.iter().chain(held_out);
     let total_s: f64 = recordings.map(Recording::duration_s).sum();

@@ -1,9 +1,9 @@
-//! What a stated low-pass of an inertial sensor does: it delays, or it does not.
+//! Whether a stated low-pass of an inertial sensor delays its readings.
 //!
-//! Data sheets and drivers state a bandwidth, or an averaging window. A filter delays what is behind it by its time constant; a window
-//! that is stamped in its middle does not delay at all, and by that time a controller's answers, tilt and rates disagree. The samples
-//! themselves tell the two apart, and nothing else does: bins of them are as wide as the delay. A window stamped at its end is late by
-//! half its length: a time constant that does not delay is therefore half of a window, or nothing.
+//! Data sheets and drivers state a bandwidth, or an averaging window. A filter delays its output by its time constant; an average over
+//! a window that is stamped in its middle has no delay. If the model assumes the wrong one, a controller's responses, tilt and rates
+//! disagree by that time. Only the samples tell the two apart: bins are as wide as the delay. A window stamped at its end delays by
+//! half its length; so a time constant that does not delay is half of a window, or nothing.
 
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::platform::TriaxialErrors;
@@ -17,7 +17,7 @@ use crate::parameters::available::Available;
 use crate::refit::Refit;
 use crate::search::step::base_point_with;
 
-/// From so much of the beginning of each recording it is told \[s\]: a delay that matters for the rest shows in it.
+/// Length of the start of each recording that is used \[s\]: a delay that matters for the whole recording shows in it.
 const LONGEST_S: f64 = 60.0;
 
 /// The model with those low-passes of its inertial sensors that delay; `None` if all of those stated do.

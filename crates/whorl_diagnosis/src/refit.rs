@@ -7,8 +7,8 @@ use whorl_dynamics::{Effect, Gyrostat, ModelPrior, PlatformModel};
 use whorl_prediction::{Fitted, Parameter, Rival, Settings, fit_beside};
 use whorl_recording::Recording;
 
-use crate::explanations::candidates::Layout;
-use crate::explanations::hypothesis::Member;
+use crate::explanations::candidates::Design;
+use crate::explanations::hypothesis::Term;
 use crate::parameters::available::Available;
 use crate::parameters::{Column, MASS_PROPERTIES, Point, Reference, Target, is_base};
 use crate::{DiagnosisError, Options};
@@ -39,7 +39,7 @@ pub struct FittedParameter {
     pub before: f64,
     /// Estimate.
     pub estimate: f64,
-    /// Standard deviation of the estimate: no more than was known before; of a constant of the platform what was known, where the
+    /// Standard deviation of the estimate: not above that of the prior; of a constant of the platform that of the prior, where the
     /// fit leaves something unexplained.
     pub stddev: f64,
     /// Standard deviation of the posterior itself.
@@ -58,15 +58,15 @@ pub(crate) struct Entered {
 }
 
 impl Entered {
-    /// Of the members of a set.
-    pub fn of(layout: &Layout, members: &[Member]) -> BTreeMap<&'static str, Self> {
-        let entered = |member: &Member| {
-            let columns = member.columns.iter().filter_map(|i| layout.columns.get(*i));
+    /// Of the terms of a set.
+    pub fn of(design: &Design, terms: &[Term]) -> BTreeMap<&'static str, Self> {
+        let entered = |term: &Term| {
+            let columns = term.columns.iter().filter_map(|i| design.columns.get(*i));
             let indices = columns.filter(|column| column.origin.is_none()).map(|column| column.index);
-            let of = Self { indices: indices.collect(), size: member.size };
-            Some((layout.candidates.get(member.candidate)?.id, of))
+            let of = Self { indices: indices.collect(), size: term.size };
+            Some((design.candidates.get(term.candidate)?.id, of))
         };
-        members.iter().filter_map(entered).collect()
+        terms.iter().filter_map(entered).collect()
     }
 }
 
@@ -174,8 +174,8 @@ impl<'a> Refit<'a> {
         let reference = self.reference;
         let point = self.point(&fitted.at);
         let model = self.folded(&point)?;
-        // While something else is missing, the constants bend to follow it, and how well they seem to be known
-        // says nothing: they keep the given uncertainty, so that the next fit can bring them back.
+        // While another effect is missing, the constants are biased by it, and their posterior deviations mean nothing: they
+        // keep the given uncertainty, so that the next fit can correct them.
         let is_explained = fitted.followed.iter().all(|run| !run.noise.disturbance.is_some());
         let mut prior = reference.prior.clone();
         let mut estimates = Vec::new();

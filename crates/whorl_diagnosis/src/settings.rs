@@ -1,18 +1,18 @@
 //! Every number that a verdict depends on and that somebody chose.
 //!
-//! Numbers of these kinds are no settings, and stand where they are used:
+//! Numbers of these kinds are no settings; they are constants where they are used:
 //!
 //! - **Bounds of work and memory**: the largest counts of steps, rounds, sets, lines, nodes, bytes (`MOST_...`, `ROUNDS`, `LONGEST_S` of
 //!   the low-pass, `NOTICED` lines). Half or twice as many change how long a diagnosis takes.
-//! - **The path of an iteration**: how a step is shortened, from where a smoother trusts a model. They change the way, not the end.
+//! - **The path of an iteration**: how a step is shortened, the process noise of a smoother on the way. They change the way, not the end.
 //! - **Accuracy of a numerical method**: widths of bins, gaps (`GAP_S`), differences, tolerances, agreement of two estimates
 //!   (`ALIKE`, `FAR_S`), choices without weight.
 //! - **Grids over which the evidence is maximised or marginalised**: `SIZES` (of an effect, of a law, of an imbalance), `COARSE_SIZES`, `STEP`
-//!   and `SIZES` of the noise, `PACES`, `WINDOWS_S`, `DAMPING`, `BESIDE`, knots of curves, the band of frequencies that is searched.
+//!   and `SIZES` of the noise, `CORRELATION_TIMES`, `WINDOWS_S`, `DAMPING`, `BESIDE`, knots of curves, the band of frequencies that is searched.
 //! - **Nothing is known**: variances so large that they say nothing (`ANY_SIZE`, `BLIND_WALK`, `FREE_RATE_WALK`, states at the start of a run).
 //! - **What noise and theory give**: 0.5 (more probable than not), growth of the variance of random jumps, clipping at five or six
 //!   standard deviations (of normal noise one reading in a million), samples below which a statistic means nothing.
-//! - **What is printed** once a verdict stands: how many rows, from which probability on.
+//! - **What is printed** once the verdict is known: how many rows, from which probability on.
 
 use std::fmt;
 
@@ -142,18 +142,18 @@ settings! {
     /// Probability that something is missing that the catalogue does not have, before any data \[1\]; a slow random torque beyond
     /// `background_share` counts as that. Assumption: as likely as two effects of the catalogue.
     unmodelled: f64 = 0.01, Allowed::Share;
-    /// Share of the evidence of an effect that its own wrong shape may leave to a second effect \[1\]; a law without a name or a random
+    /// Share of the evidence of an effect that its own wrong shape may leave to a second effect \[1\]; an unmodelled law or a random
     /// torque must have four times that share (twice the error). Derived from an error of shape of 10 %, squared; the 10 % are an
     /// assumption: no friction, plenum or fan follows its law to better.
     misspecification: f64 = 0.01, Allowed::Share;
-    /// Standard deviation of a slow random torque, over the root mean square of the torques at work, from which it is no background
+    /// Standard deviation of a slow random torque, over the RMS of the applied torques, from which it is no background
     /// \[1\]. Measured on simulated rigs without a missing effect.
     background_share: f64 = 0.01, Allowed::Share;
-    /// Time over which rates are compared to see what torque was at work \[s\]. Assumption: longer than the gyro's noise needs, shorter
+    /// Time over which rates are compared to see what torque was applied \[s\]. Assumption: longer than the gyro's noise needs, shorter
     /// than a manoeuvre.
     at_work_s: f64 = 0.5, Allowed::Positive;
     /// Relative errors of the formulas of signals, over which is marginalised, each as likely \[1\]; a likeliest error above half of the
-    /// last calls for laws without a name. Assumption: known exactly, a good calibration, a usual formula, a rough one.
+    /// last calls for unmodelled laws. Assumption: known exactly, a good calibration, a usual formula, a rough one.
     model_discrepancies: [f64; 4] = [0.0, 0.01, 0.03, 0.1], Allowed::List(4);
     /// Time over which such an error stays the same \[s\]. Assumption: shorter than a swing of a platform, within which formulas pass
     /// through their range.
@@ -177,20 +177,20 @@ settings! {
     /// Log evidence that is worth a second look: a larger set, a stated low-pass that is doubted, a faint effect, a longer walk of the
     /// rate, another latency, what a fit that has not ended may still gain \[nats\]. Derived from odds of 20 to 1.
     doubt_nats: f64 = 3.0, Allowed::Positive;
-    /// Log likelihood that a further step of a fit must promise \[nats\]. Derived: a tenth of `doubt_nats`.
+    /// Predicted gain of log likelihood below which a fit takes no further step \[nats\]. Derived: a tenth of `doubt_nats`.
     converged_nats: f64 = 0.3, Allowed::Positive;
-    /// Log likelihood that a fit must promise to be taken up again \[nats\]. Derived: a third of `doubt_nats`.
+    /// Predicted gain of log likelihood from which a fit is taken up again \[nats\]. Derived: a third of `doubt_nats`.
     unfinished_nats: f64 = 1.0, Allowed::Positive;
     /// Drop of the whitened misfit that cannot be overlooked, in variances of the noise: an effect of usual size would have shown, a line in
     /// the samples is there, a step went too far \[1\]. Derived from five and a half standard deviations.
     clear_misfit: f64 = 30.0, Allowed::Positive;
-    /// Standard deviations from which what is left is worth a search, and by which the noise of a run is odd \[1\]. Derived: chance in
+    /// Standard deviations from which the residual is worth a search, and by which the noise of a run is odd \[1\]. Derived: chance in
     /// one of two hundred run sets, over four windows.
     noticed_stddevs: f64 = 3.0, Allowed::Positive;
     /// Standard deviations from which a line or a friction of gimbals is no chance \[1\]. Derived from 10^4 frequencies: one false line in 5000
     /// run sets.
     certain_stddevs: f64 = 5.5, Allowed::Positive;
-    /// Standard deviations from which what the best set leaves is real, and laws are looked for without it as well \[1\]. Assumption.
+    /// Standard deviations from which the residual of the best set is real, and laws are looked for without it as well \[1\]. Assumption.
     real_rest_stddevs: f64 = 8.0, Allowed::Positive;
     /// Factor between stated and true noise that is usual \[1\]. Assumption: spread of data sheets.
     noise_factor: f64 = 1.3, Allowed::Positive;

@@ -24,7 +24,7 @@ pub(crate) struct Law {
     pub definition: Definition,
     /// What it is, in a sentence.
     pub sentence: String,
-    /// Log of its prior probability beside that of anything without a name.
+    /// Log of its prior probability beside that of anything unmodelled.
     pub log_prior: f64,
     pub is_curve: bool,
     pub proposal: Proposal,
@@ -173,7 +173,7 @@ pub(crate) fn curve_of(
         return Ok(None);
     }
     let brakes = term.direction == Direction::AlongRate;
-    let size_n_m = two_digits(ground.bench.torque_at_work_n_m());
+    let size_n_m = two_digits(ground.bench.applied_torque_rms_n_m());
     let curve = WrittenCurve {
         name: "torque".to_owned(),
         of: variable.text.clone(),

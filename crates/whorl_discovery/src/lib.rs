@@ -4,8 +4,8 @@
 //! recorded variables (powers, signs, saturations, dead zones, products, lags) about axes of body or room, along the rate,
 //! or on the wheels, up to three together. Every term passes through the whitening filter of the diagnosis
 //! ([`whorl_diagnosis::laws`]), so it competes under the same evidence as the catalogue's effects, beside the platform's
-//! own parameters; every symbol has a price (`terms.rs`). The best become effects of the catalogue, written as data, and
-//! are weighed where each fits best, together with the model as it is, the catalogue's nearest effects, and a measured curve
+//! own parameters; every symbol has a log-prior penalty (`terms.rs`). The best become effects of the catalogue, written as data, and
+//! are evaluated where each fits best, together with the model as it is, the catalogue's nearest effects, and a measured curve
 //! for where there is no law.
 
 mod law;
@@ -16,7 +16,7 @@ mod terms;
 mod tests;
 
 use serde::Serialize;
-use whorl_diagnosis::laws::{LawBench, LawSignal, Weighed};
+use whorl_diagnosis::laws::{Evaluated, LawBench, LawSignal};
 use whorl_diagnosis::{DiagnosisError, Options};
 use whorl_dynamics::effects::written::{Definition, DefinitionError, Formula, WrittenEffect};
 use whorl_dynamics::effects::{RegisterError, find, register, withdraw};
@@ -26,11 +26,11 @@ use whorl_recording::Recording;
 use crate::law::{Law, curve_of, law_of};
 use crate::search::{Ground, proposals};
 
-/// Laws that are weighed where each fits best.
-const WEIGHED: usize = 8;
+/// Laws that are evaluated where each fits best.
+const EVALUATED: usize = 8;
 
-/// Log prior of something that has no name, of an effect of the catalogue, as in the diagnosis.
-const NAMELESS: f64 = 0.01;
+/// Log prior of something unmodelled, of an effect of the catalogue, as in the diagnosis.
+const UNMODELLED: f64 = 0.01;
 const PRESENT: f64 = 0.005;
 
 /// Bins of the measured points that are drawn with a law.
@@ -63,16 +63,16 @@ pub struct FittedValue {
 
 /// A law with its weight.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct WeighedLaw {
+pub struct EvaluatedLaw {
     /// A sentence.
     pub sentence: String,
     /// Its equation; for an effect of the catalogue, that effect's.
     pub equation: String,
     /// `law`, `curve` (measured, not understood), `effect` (of the catalogue) or `nothing` (the model as it is).
     pub kind: &'static str,
-    /// Posterior probability among all that was weighed, 0 to 1.
+    /// Posterior probability among all that was evaluated, 0 to 1.
     pub probability: f64,
-    /// Log evidence over the model as it is, prices not included.
+    /// Log evidence over the model as it is, log-prior penalties not included.
     pub log_evidence: f64,
     /// Log likelihood gained on held-out runs; `None` without such runs.
     pub held_out_gain: Option<f64>,
@@ -114,8 +114,8 @@ pub struct Drawn {
 /// The result of a search.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Discovery {
-    /// Everything that was weighed, most probable first.
-    pub laws: Vec<WeighedLaw>,
+    /// Everything that was evaluated, most probable first.
+    pub laws: Vec<EvaluatedLaw>,
     /// Number of laws that were tried in the regression.
     pub tried: usize,
     /// The best law over the data, where it is a function of one variable.
@@ -125,7 +125,7 @@ pub struct Discovery {
 impl Discovery {
     /// The most probable law or curve, if one is more probable than nothing and the catalogue.
     #[must_use]
-    pub fn best(&self) -> Option<&WeighedLaw> {
+    pub fn best(&self) -> Option<&EvaluatedLaw> {
         self.laws.first().filter(|law| law.definition.is_some())
     }
 }
@@ -164,7 +164,7 @@ pub fn discover(
     let (proposed, tried) = proposals(&ground, &mut |share, doing| say(0.1 + 0.4 * share, doing))?;
     let mut laws: Vec<Law> = Vec::new();
     for proposal in proposed.iter().flat_map(with_parts) {
-        if laws.len() >= WEIGHED {
+        if laws.len() >= EVALUATED {
             break;
         }
         let law = law_of(&ground, &proposal, &format!("{id}_candidate_{}", laws.len() + 1))?;
@@ -178,9 +178,9 @@ pub fn discover(
         laws.extend(curve_of(&ground, best, &format!("{id}_candidate_curve"), &values)?);
     }
     say(0.55, "fitting the best laws");
-    let weighed = weighed(&bench, &laws, named)?;
+    let evaluated = evaluated(&bench, &laws, named)?;
     say(0.95, "writing the answer");
-    let list = ranked(&laws, named, weighed, model, id);
+    let list = ranked(&laws, named, evaluated, model, id);
     let best = list.first().filter(|law| law.kind == "law");
     let equation = best.map(|b| b.equation.clone());
     let proposal =
@@ -211,8 +211,8 @@ fn with_parts(proposal: &search::Proposal) -> Vec<search::Proposal> {
 }
 
 /// Whether a term of a law ended without a coefficient: then it is another, smaller law.
-fn has_idle_term(law: &Law, weighed: &Weighed) -> bool {
-    let values = weighed.values.first().map_or(&[][..], |(_, values)| values);
+fn has_idle_term(law: &Law, evaluated: &Evaluated) -> bool {
+    let values = evaluated.values.first().map_or(&[][..], |(_, values)| values);
     law.proposal.terms.len() > 1
         && law
             .definition
@@ -222,12 +222,12 @@ fn has_idle_term(law: &Law, weighed: &Weighed) -> bool {
             .any(|(p, value)| p.role == whorl_dynamics::effects::Role::Amplitude && *value == 0.0)
 }
 
-/// Registers the laws for as long as they are weighed.
-fn weighed(
+/// Registers the laws for as long as they are evaluated.
+fn evaluated(
     bench: &LawBench,
     laws: &[Law],
     named: &[Vec<String>],
-) -> Result<Vec<Option<Weighed>>, DiscoveryError> {
+) -> Result<Vec<Option<Evaluated>>, DiscoveryError> {
     let mut sets: Vec<Vec<String>> = vec![Vec::new()];
     for law in laws {
         let registered = WrittenEffect::new(law.definition.clone()).map_err(DiscoveryError::from);
@@ -239,32 +239,32 @@ fn weighed(
         sets.push(vec![law.definition.id.clone()]);
     }
     sets.extend(named.iter().cloned());
-    let weighed = bench.weigh(&sets);
+    let evaluated = bench.evaluate(&sets);
     laws.iter().for_each(|law| withdraw(&law.definition.id));
-    Ok(weighed?)
+    Ok(evaluated?)
 }
 
 /// Everything with its probability, most probable first.
 fn ranked(
     laws: &[Law],
     named: &[Vec<String>],
-    weighed: Vec<Option<Weighed>>,
+    evaluated: Vec<Option<Evaluated>>,
     model: &PlatformModel,
     id: &str,
-) -> Vec<WeighedLaw> {
-    let nothing = weighed.first().cloned().flatten();
+) -> Vec<EvaluatedLaw> {
+    let nothing = evaluated.first().cloned().flatten();
     let reference = nothing.as_ref().map_or(0.0, |w| w.log_evidence);
     let held_out = nothing.as_ref().and_then(|w| w.held_log_likelihood);
-    let mut list: Vec<(f64, WeighedLaw)> = Vec::new();
-    for (i, weighed) in weighed.into_iter().enumerate() {
-        let Some(weighed) = weighed else { continue };
+    let mut list: Vec<(f64, EvaluatedLaw)> = Vec::new();
+    for (i, evaluated) in evaluated.into_iter().enumerate() {
+        let Some(evaluated) = evaluated else { continue };
         let law = i.checked_sub(1).and_then(|i| laws.get(i));
-        if law.is_some_and(|law| has_idle_term(law, &weighed)) {
+        if law.is_some_and(|law| has_idle_term(law, &evaluated)) {
             continue;
         }
         let set = i.checked_sub(1 + laws.len()).and_then(|i| named.get(i));
         let (log_prior, kind) = match (law, set) {
-            (Some(law), _) => (NAMELESS.ln() + law.log_prior, if law.is_curve { "curve" } else { "law" }),
+            (Some(law), _) => (UNMODELLED.ln() + law.log_prior, if law.is_curve { "curve" } else { "law" }),
             (None, Some(set)) => (set.len() as f64 * PRESENT.ln(), "effect"),
             (None, None) => (0.0, "nothing"),
         };
@@ -284,7 +284,7 @@ fn ranked(
                 "The model as it is, with a slow random torque where the data need one.".to_owned()
             }
         };
-        let parameters = weighed
+        let parameters = evaluated
             .values
             .iter()
             .flat_map(|(of, values)| {
@@ -303,18 +303,18 @@ fn ranked(
             .collect();
         let definition = law.map(|law| Definition { id: id.to_owned(), ..law.definition.clone() });
         list.push((
-            weighed.log_evidence + log_prior,
-            WeighedLaw {
+            evaluated.log_evidence + log_prior,
+            EvaluatedLaw {
                 sentence,
                 equation,
                 kind,
                 probability: 0.0,
-                log_evidence: weighed.log_evidence - reference,
-                held_out_gain: weighed
+                log_evidence: evaluated.log_evidence - reference,
+                held_out_gain: evaluated
                     .held_log_likelihood
                     .zip(held_out)
                     .map(|(with, without)| with - without),
-                background_n_m: weighed.background_n_m,
+                background_n_m: evaluated.background_n_m,
                 parameters,
                 variables: law.map_or_else(Vec::new, |law| {
                     law.proposal.terms.iter().flat_map(|t| t.variables.iter().cloned()).collect()
@@ -327,7 +327,7 @@ fn ranked(
     let largest = list.first().map_or(0.0, |(score, _)| *score);
     let sum: f64 = list.iter().map(|(score, _)| (score - largest).exp()).sum();
     list.into_iter()
-        .map(|(score, law)| WeighedLaw { probability: (score - largest).exp() / sum, ..law })
+        .map(|(score, law)| EvaluatedLaw { probability: (score - largest).exp() / sum, ..law })
         .collect()
 }
 
@@ -348,7 +348,7 @@ fn values_of(ground: &Ground<'_>, proposal: &search::Proposal) -> Result<Vec<f64
 fn drawn(
     ground: &Ground<'_>,
     proposal: &search::Proposal,
-    best: Option<&WeighedLaw>,
+    best: Option<&EvaluatedLaw>,
 ) -> Result<Option<Drawn>, DiscoveryError> {
     let Some(term) = proposal.terms.first().filter(|t| t.variables.len() == 1 && !t.is_lag) else {
         return Ok(None);
@@ -381,7 +381,9 @@ fn drawn(
         .collect();
     let regression = ground.bench.regression(&signals)?;
     let all: Vec<usize> = (0..DRAWN).collect();
-    let Some(fit) = regression.fit(&all, 3.0 * ground.bench.torque_at_work_n_m()) else { return Ok(None) };
+    let Some(fit) = regression.fit(&all, 3.0 * ground.bench.applied_torque_rms_n_m()) else {
+        return Ok(None);
+    };
     let law = law_over(term, variable, best);
     let points = (0..DRAWN)
         .map(|i| {
@@ -405,7 +407,7 @@ fn drawn(
 fn law_over<'l>(
     term: &'l terms::Term,
     variable: &'l terms::Variable,
-    best: Option<&'l WeighedLaw>,
+    best: Option<&'l EvaluatedLaw>,
 ) -> Option<impl Fn(f64) -> f64 + 'l> {
     let law = best.filter(|law| law.parameters.iter().filter(|p| p.name.starts_with('k')).count() == 1)?;
     let k = law.parameters.iter().find(|p| p.name == "k")?.value;

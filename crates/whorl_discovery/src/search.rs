@@ -16,7 +16,7 @@ const COMBINED: usize = 140;
 /// Prior sizes of coefficients that are tried, in units of the columns.
 const SIZES: [f64; 4] = [0.3, 3.0, 30.0, 300.0];
 
-/// A further term must bring so much log evidence after its price.
+/// A further term must bring so much log evidence after its log-prior penalty.
 const WORTH_A_TERM: f64 = 3.0;
 
 /// Most terms of a law.
@@ -28,7 +28,7 @@ pub(crate) struct Proposal {
     pub terms: Vec<Term>,
     /// Coefficient of each term in SI units; for a term on wheels, of the wheel on which it is largest.
     pub coefficients: Vec<f64>,
-    /// Log evidence over the model as it is, price included.
+    /// Log evidence over the model as it is, log-prior penalty included.
     pub score: f64,
 }
 

@@ -80,7 +80,7 @@ pub(crate) fn columns(
     // One list of signals for each run.
     let by_run: Vec<Vec<(usize, LawSignal)>> =
         bench.over_runs(|_, intervals| of_run(&compiled, intervals))?;
-    let size_n_m = SHARE * bench.torque_at_work_n_m();
+    let size_n_m = SHARE * bench.applied_torque_rms_n_m();
     let Some(first) = by_run.first() else { return Ok(Vec::new()) };
     let terms: Vec<usize> = first.iter().map(|(term, _)| *term).collect();
     let made: Vec<Option<Column>> = terms

@@ -186,14 +186,14 @@ pub(crate) fn two_digits(x: f64) -> f64 {
     format!("{x:.1e}").parse().unwrap_or(x)
 }
 
-/// Prices of choices, as logarithms of one over the number of alternatives.
-struct Prices {
+/// Log priors of choices: logarithms of one over the number of alternatives.
+struct LogPriors {
     variable: f64,
     shape: f64,
     direction: f64,
 }
 
-impl Prices {
+impl LogPriors {
     fn new(variables: usize) -> Self {
         // Heading and the constant are variables too; six axes, the rate and the wheels are directions.
         Self { variable: -((variables + 2) as f64).ln(), shape: -4f64.ln(), direction: -8f64.ln() }
@@ -216,7 +216,7 @@ const AXES: [Direction; 6] = [
 
 /// All terms of one variable about every axis, along the rate, and on the wheels.
 pub(crate) fn single_terms(variables: &[Variable]) -> Vec<Term> {
-    let prices = Prices::new(variables.len());
+    let log_priors = LogPriors::new(variables.len());
     let mut terms = Vec::new();
     for v in variables {
         for (factor, shape, words, symbols) in factors(v) {
@@ -226,7 +226,7 @@ pub(crate) fn single_terms(variables: &[Variable]) -> Vec<Term> {
                     shape: shape.clone(),
                     direction,
                     is_lag: false,
-                    log_prior: prices.variable + prices.direction + prices.of_symbols(symbols),
+                    log_prior: log_priors.variable + log_priors.direction + log_priors.of_symbols(symbols),
                     variables: vec![v.text.clone()],
                     words: words.clone(),
                 });
@@ -249,9 +249,10 @@ pub(crate) fn single_terms(variables: &[Variable]) -> Vec<Term> {
                 n => (format!("{function}({n} * heading)"), format!("{n} times the heading")),
             };
             for direction in AXES {
-                let price = prices.variable + prices.direction + prices.of_symbols(1.0 + f64::from(n));
+                let log_prior =
+                    log_priors.variable + log_priors.direction + log_priors.of_symbols(1.0 + f64::from(n));
                 let words = format!("the {} of {words}", if function == "sin" { "sine" } else { "cosine" });
-                terms.push(term(factor.clone(), words, direction, price, "heading"));
+                terms.push(term(factor.clone(), words, direction, log_prior, "heading"));
             }
         }
     }
@@ -260,7 +261,7 @@ pub(crate) fn single_terms(variables: &[Variable]) -> Vec<Term> {
             "1".into(),
             "nothing: it is constant".into(),
             direction,
-            prices.variable + prices.direction,
+            log_priors.variable + log_priors.direction,
             "constant",
         ));
     }
@@ -280,8 +281,8 @@ pub(crate) fn single_terms(variables: &[Variable]) -> Vec<Term> {
         ("norm(rate)^2.5", "the power 2.5 of the rate", 2.5),
     ];
     for (factor, words, symbols) in powers {
-        let price = prices.direction + prices.of_symbols(symbols);
-        terms.push(term(factor.into(), words.into(), Direction::AlongRate, price, "norm(rate)"));
+        let log_prior = log_priors.direction + log_priors.of_symbols(symbols);
+        terms.push(term(factor.into(), words.into(), Direction::AlongRate, log_prior, "norm(rate)"));
         for v in &others {
             let bends: &[(String, String)] = &[
                 (v.text.clone(), v.words.clone()),
@@ -292,7 +293,7 @@ pub(crate) fn single_terms(variables: &[Variable]) -> Vec<Term> {
                     format!("{factor} * {text}"),
                     format!("{words} times {of}"),
                     Direction::AlongRate,
-                    price + prices.variable + prices.shape,
+                    log_prior + log_priors.variable + log_priors.shape,
                     "norm(rate)",
                 );
                 product.variables.push(v.text.clone());
@@ -304,22 +305,22 @@ pub(crate) fn single_terms(variables: &[Variable]) -> Vec<Term> {
         let shape = |name: &'static str, meaning: &'static str| {
             Some(Shape { name, unit: "rad/s".into(), value: two_digits(share * largest), meaning })
         };
-        let price = prices.direction + prices.of_symbols(3.0);
+        let log_prior = log_priors.direction + log_priors.of_symbols(3.0);
         for (function, name, meaning, words) in [
             ("limit", "limit", "Rate at which it saturates.", "the rate, saturating"),
             ("beyond", "edge", "Rate below which it is absent.", "the rate beyond a threshold"),
         ] {
             let factor = format!("{function}(norm(rate), {{0}})");
-            let bare = term(factor, words.into(), Direction::AlongRate, price, "norm(rate)");
+            let bare = term(factor, words.into(), Direction::AlongRate, log_prior, "norm(rate)");
             terms.push(Term { shape: shape(name, meaning), ..bare });
         }
     }
-    terms.extend(wheel_terms(&prices));
+    terms.extend(wheel_terms(&log_priors));
     terms
 }
 
 /// Drag of each wheel, with a coefficient of its own.
-fn wheel_terms(prices: &Prices) -> Vec<Term> {
+fn wheel_terms(log_priors: &LogPriors) -> Vec<Term> {
     let powers = [
         ("speed", "the wheel's speed", 1.0),
         ("abs(speed) * speed", "the signed square of the wheel's speed", 2.0),
@@ -333,7 +334,7 @@ fn wheel_terms(prices: &Prices) -> Vec<Term> {
             shape: None,
             direction: Direction::Wheels,
             is_lag: false,
-            log_prior: prices.direction + prices.of_symbols(symbols),
+            log_prior: log_priors.direction + log_priors.of_symbols(symbols),
             variables: vec!["speed".to_owned()],
             words: words.to_owned(),
         })
@@ -342,7 +343,7 @@ fn wheel_terms(prices: &Prices) -> Vec<Term> {
 
 /// Products of variables, and their lags, about the axes about which they were seen to act.
 pub(crate) fn compound_terms(variables: &[Variable], hints: &[(String, Direction)], run_s: f64) -> Vec<Term> {
-    let prices = Prices::new(variables.len());
+    let log_priors = LogPriors::new(variables.len());
     let find = |text: &str| variables.iter().find(|v| v.text == text);
     let mut terms: Vec<Term> = Vec::new();
     let mut directions: Vec<Direction> = hints.iter().map(|(_, d)| *d).collect();
@@ -357,7 +358,7 @@ pub(crate) fn compound_terms(variables: &[Variable], hints: &[(String, Direction
                     shape: None,
                     direction: *direction,
                     is_lag: false,
-                    log_prior: 2.0 * prices.variable + 2f64.ln() + prices.direction - 0.5,
+                    log_prior: 2.0 * log_priors.variable + 2f64.ln() + log_priors.direction - 0.5,
                     variables: vec![a.text.clone(), b.text.clone()],
                     words: format!("{} times {}", a.words, b.words),
                 });
@@ -374,7 +375,7 @@ pub(crate) fn compound_terms(variables: &[Variable], hints: &[(String, Direction
                 shape: Some(shape),
                 direction: *direction,
                 is_lag: true,
-                log_prior: prices.variable + prices.direction + prices.of_symbols(3.0),
+                log_prior: log_priors.variable + log_priors.direction + log_priors.of_symbols(3.0),
                 variables: vec![v.text.clone()],
                 words: format!("{}, lagging", v.words),
             });

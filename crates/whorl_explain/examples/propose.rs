@@ -52,7 +52,7 @@ fn main() -> anyhow::Result<()> {
         println!("{sentence}");
     }
     for judged in &proposal.judged {
-        let odds = judged.prospect.log_odds.map_or_else(|| "-".to_owned(), |odds| format!("{odds:.1}"));
+        let odds = judged.expected.log_odds.map_or_else(|| "-".to_owned(), |odds| format!("{odds:.1}"));
         println!("  {}: {:.0} s, expected log odds {odds}", judged.manoeuvre.name, judged.demand.duration_s);
     }
     Ok(())

@@ -4,7 +4,7 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use whorl_recording::Recording;
 use whorl_validation::Comparison;
 
-use crate::{Case, ExplainError, Say};
+use crate::{Case, ExplainError, ProgressCallback};
 
 /// A run that was compared.
 #[derive(Debug, Clone)]
@@ -19,7 +19,7 @@ pub struct ComparedRun {
 ///
 /// # Errors
 /// When a run cannot be compared, with what would help.
-pub fn compare(case: &Case<'_>, say: &mut Say<'_>) -> Result<Vec<ComparedRun>, ExplainError> {
+pub fn compare(case: &Case<'_>, say: &mut ProgressCallback<'_>) -> Result<Vec<ComparedRun>, ExplainError> {
     let training = case.training.iter().map(|run| (run, false));
     let all: Vec<(&Recording, bool)> = training.chain(case.held_out.iter().map(|run| (run, true))).collect();
     let names: Vec<&str> = all.iter().map(|(run, _)| run.name.as_str()).collect();

@@ -5,8 +5,8 @@ use whorl_recording::Mounting;
 use whorl_validation::{SMALL_ERROR, UnexplainedTorques, unexplained_torques};
 
 use crate::adopt::{Version, versions};
-use crate::locate::believed;
-use crate::{Case, ExplainError, Say, part};
+use crate::locate::check_plausible;
+use crate::{Case, ExplainError, ProgressCallback, part};
 
 /// A verdict with the numbers behind it.
 #[derive(Debug, Clone)]
@@ -36,7 +36,11 @@ pub struct UnexplainedTorque {
 ///
 /// # Errors
 /// When the recordings cannot be explained at all.
-pub fn diagnose(case: &Case<'_>, options: &Options, say: &mut Say<'_>) -> Result<Explanation, ExplainError> {
+pub fn diagnose(
+    case: &Case<'_>,
+    options: &Options,
+    say: &mut ProgressCallback<'_>,
+) -> Result<Explanation, ExplainError> {
     let Case { training, held_out, model, prior } = *case;
     say(0.0, "comparing what the sensors' low-pass may be");
     let delaying = whorl_diagnosis::with_low_passes_that_delay(training, model, prior, options)?;
@@ -62,7 +66,8 @@ fn unexplained(case: &Case<'_>, versions: &[Version]) -> Option<UnexplainedTorqu
         versions.iter().filter(|v| v.effects.is_empty() != with_effects).find_map(|v| v.fit.as_ref())
     };
     // Parameters moved implausibly far would hide or imitate the missing effect.
-    let base = fit(false).filter(|fit| believed(case, fit).is_ok()).map_or(case.model, |fit| &fit.model);
+    let base =
+        fit(false).filter(|fit| check_plausible(case, fit).is_ok()).map_or(case.model, |fit| &fit.model);
     let before = unexplained_torques(recording, base).ok()?;
     let after = fit(true).and_then(|fit| unexplained_torques(recording, &fit.model).ok());
     Some(UnexplainedTorque { run: recording.name.clone(), before, after })

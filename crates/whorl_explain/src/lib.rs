@@ -64,9 +64,9 @@ impl<'a> Case<'a> {
 }
 
 /// Receives the progress (0 to 1) and the current step of a long computation.
-pub type Say<'a> = dyn FnMut(f64, &str) + 'a;
+pub type ProgressCallback<'a> = dyn FnMut(f64, &str) + 'a;
 
 /// Progress of a part of a computation, mapped to `from` to `to` of the whole.
-fn part<'a>(say: &'a mut Say<'_>, from: f64, to: f64) -> impl FnMut(f64, &str) + 'a {
+fn part<'a>(say: &'a mut ProgressCallback<'_>, from: f64, to: f64) -> impl FnMut(f64, &str) + 'a {
     move |share, doing| say(from + (to - from) * share, doing)
 }

@@ -4,10 +4,10 @@ use rayon::prelude::*;
 use whorl_diagnosis::{Fit, Options, fit};
 use whorl_dynamics::PlatformModel;
 use whorl_recording::Recording;
-use whorl_validation::{Followed, UnexplainedTorques, Whereabouts, explain_where};
+use whorl_validation::{Followed, Localisation, UnexplainedTorques, explain_where};
 
-use crate::adopt::belief::farthest;
-use crate::{Case, ExplainError, Say};
+use crate::adopt::plausibility::farthest;
+use crate::{Case, ExplainError, ProgressCallback};
 
 /// Prior standard deviations by which the platform's own parameters may move to explain a run. If a fit asks for more,
 /// they compensate for something else that is missing.
@@ -17,9 +17,9 @@ const MOST_STDDEVS: f64 = 5.0;
 #[derive(Debug, Clone)]
 pub struct Located {
     /// All runs together.
-    pub pooled: Whereabouts,
+    pub pooled: Localisation,
     /// Each run by itself, training runs first; empty where there is only one.
-    pub runs: Vec<Whereabouts>,
+    pub runs: Vec<Localisation>,
     /// The unexplained torques themselves, run by run, for plots.
     pub torques: Vec<UnexplainedTorques>,
     /// The model that leaves them: the platform's own parameters refitted to the training runs.
@@ -36,14 +36,18 @@ pub struct Located {
 ///
 /// # Errors
 /// When a run cannot be followed: too short, without a gyro, or on a bench without wheel speeds.
-pub fn locate(case: &Case<'_>, options: &Options, say: &mut Say<'_>) -> Result<Located, ExplainError> {
+pub fn locate(
+    case: &Case<'_>,
+    options: &Options,
+    say: &mut ProgressCallback<'_>,
+) -> Result<Located, ExplainError> {
     say(0.0, "fitting the platform's own parameters");
     let fitted = fit(case.training, case.model, case.prior, &[], options);
-    let believed = fitted.map_err(|error| error.to_string()).and_then(|fitted| {
-        believed(case, &fitted)?;
+    let plausible = fitted.map_err(|error| error.to_string()).and_then(|fitted| {
+        check_plausible(case, &fitted)?;
         Ok(fitted.model)
     });
-    let (model, not_refitted) = match believed {
+    let (model, not_refitted) = match plausible {
         Ok(model) => (model, None),
         Err(reason) => (case.model.clone(), Some(reason)),
     };
@@ -69,7 +73,7 @@ pub fn locate(case: &Case<'_>, options: &Options, say: &mut Say<'_>) -> Result<L
 }
 
 /// Checks that the platform's own parameters have moved within their priors; if not, names the worst one.
-pub(crate) fn believed(case: &Case<'_>, fitted: &Fit) -> Result<(), String> {
+pub(crate) fn check_plausible(case: &Case<'_>, fitted: &Fit) -> Result<(), String> {
     match farthest(case.model, case.prior, &fitted.model) {
         Some((name, stddevs)) if stddevs > MOST_STDDEVS => Err(format!(
             "a refit would move {name} by {stddevs:.0} of its prior's standard deviations; the platform's own parameters alone cannot explain the data"

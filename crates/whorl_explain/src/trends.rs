@@ -13,7 +13,7 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_math::statistics::{normal_probability, normal_quantile};
 use whorl_recording::Recording;
 
-use crate::{ExplainError, Say};
+use crate::{ExplainError, ProgressCallback};
 
 /// An estimate of which less than this share is the data's is no measurement.
 const INFORMED: f64 = 0.2;
@@ -125,7 +125,7 @@ pub fn trends(
     prior: &ModelPrior,
     since: Option<usize>,
     options: &Options,
-    say: &mut Say<'_>,
+    say: &mut ProgressCallback<'_>,
 ) -> Result<Trends, ExplainError> {
     let mut runs: Vec<DatedRun<'_>> = runs.to_vec();
     runs.sort_by(|a, b| a.began_s.total_cmp(&b.began_s));

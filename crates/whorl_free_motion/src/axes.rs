@@ -183,7 +183,7 @@ pub fn doubts(wrong: &[Option<Contradiction>; 2]) -> Vec<String> {
     {
         return vec![format!(
             "The gyro turns against accelerometer and magnetometer, which agree: by them, {}, of the gyro. The attitudes are wrong; \
-             mend the map.",
+             correct the map.",
             force.to_string().replace("its ", "")
         )];
     }
@@ -193,7 +193,7 @@ pub fn doubts(wrong: &[Option<Contradiction>; 2]) -> Vec<String> {
     said.map(|(name, what, found)| {
         format!(
             "The {name} turns against the gyro: {found}, or the gyro's axes are wrong. It is not used from where that is \
-             seen on; the {what} is carried by the gyro. Mend the map (docs/recordings.md)."
+             seen on; the {what} is carried by the gyro. Correct the map (docs/recordings.md)."
         )
     })
     .collect()

@@ -24,7 +24,7 @@
 //!
 //! What is wrong from the first bin on is learned by the filter as far as the priors of the platform's constants allow, and
 //! what they do not allow is evidence: against a constant that is several times further off than its prior says. It is
-//! weighed from the first start on, which is never left out, and with a head start ([`Settings::head_start`]).
+//! evaluated from the first start on, which is never left out, and with a head start ([`Settings::head_start`]).
 
 use nalgebra::DMatrix;
 use whorl_diagnosis::{Direction, Directions};
@@ -43,8 +43,8 @@ const SIZES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
 const SIZES_FROM_START: [f64; 2] = [4.0, 8.0];
 /// Starts that are followed at once, beside the first of all.
 const STARTS: usize = 5;
-/// Usual size of a torque that has no name, over the background.
-const NAMELESS: f64 = 10.0;
+/// Usual size of an unmodelled torque, over the background.
+const UNMODELLED: f64 = 10.0;
 
 /// The name of a torque that no effect of the catalogue explains.
 pub const UNKNOWN_TORQUE: &str = "unknown_torque";
@@ -60,14 +60,14 @@ struct Start {
 
 /// A suspect and how much speaks for it since one start.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Weighed {
+pub struct Evaluated {
     /// The effect.
     pub effect: &'static str,
     /// Share of all evidence against the model.
     pub probability: f64,
-    /// Directions of the likeliest way in which it enters; empty for a torque without a name.
+    /// Directions of the likeliest way in which it enters; empty for an unmodelled torque.
     pub directions: Vec<usize>,
-    /// Estimates along these, and their standard deviations, in units of the directions (of a nameless torque: N m).
+    /// Estimates along these, and their standard deviations, in units of the directions (of an unmodelled torque: N m).
     pub estimate: Vec<f64>,
     /// Their standard deviations.
     pub stddev: Vec<f64>,
@@ -80,9 +80,9 @@ pub struct Weighed {
 pub struct Evidence {
     effects: Vec<&'static str>,
     suspects: Vec<Suspect>,
-    /// Direction of each column that is followed; the last three are torques without a name.
+    /// Direction of each column that is followed; the last three are unmodelled torques.
     followed: Vec<usize>,
-    nameless_n_m: f64,
+    unmodelled_n_m: f64,
     systematic_sigma: f64,
     torque_rates: DMatrix<f64>,
     starts: Vec<Start>,
@@ -129,7 +129,7 @@ impl Evidence {
                 ln_prior: 0.0,
             });
         }
-        // A torque without a name is as likely as any effect.
+        // An unmodelled torque is as likely as any effect.
         let first = followed.len();
         let columns: Vec<usize> = (first..first + 3).collect();
         suspects.push(Suspect {
@@ -164,7 +164,7 @@ impl Evidence {
             }
         }
         Self {
-            nameless_n_m: NAMELESS * settings.background_torque_n_m,
+            unmodelled_n_m: UNMODELLED * settings.background_torque_n_m,
             systematic_sigma: settings.systematic_sigma,
             torque_rates: torque_rates(&all.base, places),
             starts: Vec::new(),
@@ -222,7 +222,7 @@ impl Evidence {
 
     /// Takes a bin.
     pub fn add(&mut self, whitened: &Whitened, changes: &Changes, places: &Places) {
-        let torque = &self.torque_rates * self.nameless_n_m;
+        let torque = &self.torque_rates * self.unmodelled_n_m;
         let named = self.followed.len();
         let rate = |row: usize, column: usize| match self.followed.get(column) {
             Some(direction) => changes.rates[(row, *direction)],
@@ -261,7 +261,7 @@ impl Evidence {
 
     /// The effects by how much speaks for them, the likeliest first.
     #[must_use]
-    pub fn weighed(&self) -> Vec<Weighed> {
+    pub fn evaluated(&self) -> Vec<Evaluated> {
         let total = self.ln_evidence();
         let mut best: Vec<Option<(f64, &Suspect, &Start)>> = vec![None; self.effects.len()];
         let mut share = vec![0.0; self.effects.len()];
@@ -272,17 +272,17 @@ impl Evidence {
                 *slot = Some((ln, suspect, start));
             }
         }
-        let mut weighed: Vec<Weighed> = best
+        let mut evaluated: Vec<Evaluated> = best
             .iter()
             .zip(&share)
             .zip(&self.effects)
             .filter_map(|((best, probability), effect)| {
                 let (_, suspect, start) = best.as_ref()?;
-                let nameless = *effect == UNKNOWN_TORQUE;
+                let unmodelled = *effect == UNKNOWN_TORQUE;
                 let (estimate, stddev) =
-                    estimate(suspect, &start.carried, if nameless { self.nameless_n_m } else { 1.0 })?;
+                    estimate(suspect, &start.carried, if unmodelled { self.unmodelled_n_m } else { 1.0 })?;
                 let direction = |column: &usize| self.followed.get(*column).copied();
-                Some(Weighed {
+                Some(Evaluated {
                     effect,
                     probability: *probability,
                     directions: suspect.columns.iter().filter_map(direction).collect(),
@@ -292,8 +292,8 @@ impl Evidence {
                 })
             })
             .collect();
-        weighed.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        weighed
+        evaluated.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        evaluated
     }
 }
 

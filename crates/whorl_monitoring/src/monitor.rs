@@ -419,7 +419,7 @@ impl Monitor {
     }
 
     fn likeliest(&self) -> Option<Likeliest> {
-        let first = self.evidence.weighed().into_iter().next()?;
+        let first = self.evidence.evaluated().into_iter().next()?;
         let numbers = first.estimate.iter().zip(&first.stddev);
         let parameters = if first.effect == UNKNOWN_TORQUE {
             let named = ["torque_x", "torque_y", "torque_z"].into_iter().zip(numbers);

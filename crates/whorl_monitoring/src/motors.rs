@@ -46,7 +46,7 @@ impl MotorNoise {
         let learns = learned_s > 0.0 && filter.places.wheels > 0;
         let choices = if learns { CHOICES.map(of).into() } else { Vec::new() };
         let mut noise = Self { choices, left_s: learned_s, share: 1.0 };
-        noise.weigh();
+        noise.average();
         noise
     }
 
@@ -86,7 +86,7 @@ impl MotorNoise {
         });
         if turns.contains(&true) && !self.choices.is_empty() {
             self.left_s -= bin.length_s;
-            self.weigh();
+            self.average();
             if self.left_s <= 0.0 {
                 self.choices.clear();
             }
@@ -94,7 +94,7 @@ impl MotorNoise {
     }
 
     /// The mean of the variance over what is known.
-    fn weigh(&mut self) {
+    fn average(&mut self) {
         let most = self.choices.iter().map(|c| c.ln_weight).fold(f64::NEG_INFINITY, f64::max);
         let weights = self.choices.iter().map(|c| ((c.ln_weight - most).exp(), c.variance));
         let (sum, of_variance) =

@@ -24,10 +24,10 @@ pub struct Followed {
     pub noise: Noise,
     /// The start with them.
     pub fitted: FittedStart,
-    /// The model alone with the same noise of readings, from the start that it shows.
-    pub alone: FittedStart,
+    /// The model without disturbances, with the same noise of readings, from the start that it shows.
+    pub undisturbed: FittedStart,
     /// How likely it makes the run.
-    pub likelihood_alone: Likelihood,
+    pub undisturbed_likelihood: Likelihood,
     /// By how much disturbances make the run likelier [natural logarithm].
     pub gain_nats: f64,
 }
@@ -37,18 +37,23 @@ impl Followed {
     #[must_use]
     pub fn log_likelihood(&self) -> f64 {
         let gained = if self.noise.disturbance.is_some() { self.gain_nats } else { 0.0 };
-        self.likelihood_alone.log + gained
+        self.undisturbed_likelihood.log + gained
     }
 
-    /// The same by the model alone.
+    /// The same by the model without disturbances.
     #[must_use]
     pub(crate) fn without_disturbance(&self) -> Self {
-        Self { noise: self.noise_alone(), fitted: self.alone.clone(), gain_nats: 0.0, ..self.clone() }
+        Self {
+            noise: self.undisturbed_noise(),
+            fitted: self.undisturbed.clone(),
+            gain_nats: 0.0,
+            ..self.clone()
+        }
     }
 
     /// The noise without disturbances.
     #[must_use]
-    pub fn noise_alone(&self) -> Noise {
+    pub fn undisturbed_noise(&self) -> Noise {
         Noise { disturbance: Disturbance::NONE, ..self.noise.clone() }
     }
 }
@@ -75,8 +80,8 @@ pub fn follow_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> F
     let noise = before.noise.clone();
     let moments = Moments::of(case, &noise, &before.fitted.start, case.instants());
     let noise = if moments.log.is_finite() { moments.improved(case, &noise, stated) } else { noise };
-    let (alone, likelihood_alone) = fitted_start_near(case, &noise, &before.fitted);
-    Followed { noise, fitted: alone.clone(), alone, likelihood_alone, gain_nats: 0.0 }
+    let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &noise, &before.fitted);
+    Followed { noise, fitted: undisturbed.clone(), undisturbed, undisturbed_likelihood, gain_nats: 0.0 }
 }
 
 /// Levels from these on, the start known; `first`: passes that have been.
@@ -121,12 +126,24 @@ fn followed_from(
     }
     let start = fitted.start.with_disturbance(&noise);
     let without = Noise { disturbance: Disturbance::NONE, ..noise.clone() };
-    let (alone, likelihood_alone) = fitted_start_near(case, &without, &fitted);
-    let gain_nats = log - likelihood_alone.log;
+    let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &without, &fitted);
+    let gain_nats = log - undisturbed_likelihood.log;
     if gain_nats > settings.level_needed_nats && noise.disturbance.is_some() {
-        Followed { noise, fitted: FittedStart { start, ..fitted }, alone, likelihood_alone, gain_nats }
+        Followed {
+            noise,
+            fitted: FittedStart { start, ..fitted },
+            undisturbed,
+            undisturbed_likelihood,
+            gain_nats,
+        }
     } else {
-        Followed { noise: without, fitted: alone.clone(), alone, likelihood_alone, gain_nats }
+        Followed {
+            noise: without,
+            fitted: undisturbed.clone(),
+            undisturbed,
+            undisturbed_likelihood,
+            gain_nats,
+        }
     }
 }
 

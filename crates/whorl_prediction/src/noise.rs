@@ -63,7 +63,7 @@ impl Noise {
     /// As the model's sensor parameters state it; steps of the digits included, without any torque besides what the model has.
     ///
     /// # Errors
-    /// A sensor that was recorded has no noise: nothing could be weighed against anything.
+    /// A sensor that was recorded has no noise: nothing could be weighted against anything.
     pub fn stated(case: &Prepared<'_>) -> Result<Self, PredictionError> {
         let (sensors, recording) = (&case.model().sensors, case.recording());
         let noise = Self {

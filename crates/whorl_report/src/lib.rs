@@ -1,7 +1,7 @@
 //! The HTML report of a run, and the numbers in it.
 //!
 //! [`Collector`] takes recorded messages, [`RunData`] is what it keeps of them, [`summarise`] computes the numbers, [`html`] writes the page:
-//! one file that opens offline. The pages that explain data ([`comparison_html`], [`whereabouts_html`],
+//! one file that opens offline. The pages that explain data ([`comparison_html`], [`localisation_html`],
 //! [`diagnosis_html`], [`adoption_html`]) are built in the same way.
 
 pub mod assets;
@@ -38,7 +38,7 @@ pub use data::{Collector, RunData};
 pub use events::{Happening, happenings, mode_name};
 pub use explanation::{
     Facts, NextPage, PlannedMotion, adoption_html, comparison_html, diagnosis_html, discovery_html,
-    next_html, trends_html, whereabouts_html,
+    localisation_html, next_html, trends_html,
 };
 pub use index::{IndexRow, IndexedCampaign, index_html};
 pub use live::live_html;

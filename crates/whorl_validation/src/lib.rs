@@ -7,14 +7,14 @@
 pub mod comparison;
 pub mod dependence;
 mod error;
+mod localisation;
 mod remarks;
 pub mod statistics;
 #[cfg(test)]
 mod tests;
 mod unexplained;
-mod whereabouts;
 
 pub use comparison::{Comparison, SMALL_ERROR, compare, prediction_error};
 pub use error::ValidationError;
+pub use localisation::{Followed, Localisation, OfMotor, explain_where};
 pub use unexplained::{UnexplainedTorques, unexplained_torques};
-pub use whereabouts::{Followed, OfMotor, Whereabouts, explain_where};

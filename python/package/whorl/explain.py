@@ -158,7 +158,7 @@ class Discovery(Answer):
 
     @property
     def laws(self) -> List[Dict[str, Any]]:
-        """Everything that was weighed, most probable first; empty where nothing was searched for."""
+        """Everything that was evaluated, most probable first; empty where nothing was searched for."""
         found: List[Dict[str, Any]] = (self.data["discovery"] or {}).get("laws", [])
         return found
 

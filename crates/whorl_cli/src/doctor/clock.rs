@@ -8,7 +8,7 @@ const NAME: &str = "clock";
 const GOOD_S: f64 = 1e-3;
 /// Clocks that differ so much spoil what is computed from two platforms \[s\].
 const WRONG_S: f64 = 0.1;
-const MEND: &str = "platforms and ground need one clock: apt install chrony on all, and in /etc/chrony/chrony.conf of the platforms \
+const REMEDY: &str = "platforms and ground need one clock: apt install chrony on all, and in /etc/chrony/chrony.conf of the platforms \
                     `server GROUND iburst minpoll 0 maxpoll 2`, of the ground `local stratum 8` and `allow`; or ptp4l and phc2sys";
 
 /// The clock.
@@ -26,10 +26,10 @@ pub(super) fn all(machine: &Machine) -> Vec<Check> {
         Some("yes") => Check::warning(
             NAME,
             "set by systemd-timesyncd, which keeps it to some milliseconds and does not say how well",
-            MEND,
+            REMEDY,
         ),
-        Some("no") => Check::wrong(NAME, "nothing keeps it right", MEND),
-        _ => Check::unknown(NAME, "neither ptp4l, chronyd nor systemd can be asked", MEND),
+        Some("no") => Check::wrong(NAME, "nothing keeps it right", REMEDY),
+        _ => Check::unknown(NAME, "neither ptp4l, chronyd nor systemd can be asked", REMEDY),
     }]
 }
 
@@ -43,7 +43,7 @@ pub(super) fn of_chrony(text: &str) -> Option<Check> {
         return Some(Check::wrong(
             NAME,
             "chronyd runs and has no source",
-            format!("chronyc sources; {MEND}"),
+            format!("chronyc sources; {REMEDY}"),
         ));
     }
     Some(judged(off_s, &format!("chrony, {source}")))
@@ -55,8 +55,8 @@ pub(super) fn of_ptp(text: &str) -> Option<Check> {
         |key: &str| text.lines().find_map(|line| Some(line.trim().strip_prefix(key)?.trim().to_owned()));
     let off_ns: f64 = value("master_offset")?.parse().ok()?;
     if value("gmPresent")? != "true" {
-        let mend = "start ptp4l on the grandmaster, on the same network";
-        return Some(Check::wrong(NAME, "ptp4l runs and sees no grandmaster", mend));
+        let remedy = "start ptp4l on the grandmaster, on the same network";
+        return Some(Check::wrong(NAME, "ptp4l runs and sees no grandmaster", remedy));
     }
     Some(judged(off_ns * 1e-9, "PTP"))
 }

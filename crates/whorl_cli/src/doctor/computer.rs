@@ -87,10 +87,10 @@ pub(super) fn disk(folder: &Path) -> Check {
     // Two platforms' topics are about 60 MB an hour.
     let place = there.canonicalize().unwrap_or_else(|_| there.to_owned());
     let found = format!("{:.1} GB free in {}", free as f64 / 1e9, place.display());
-    let mend = "whorl runs shows what there is; move recordings elsewhere";
+    let remedy = "whorl runs shows what there is; move recordings elsewhere";
     match free {
-        free if free < DISK_WRONG => Check::wrong(NAME, found, mend),
-        free if free < DISK_WARNING => Check::warning(NAME, found, mend),
+        free if free < DISK_WRONG => Check::wrong(NAME, found, remedy),
+        free if free < DISK_WARNING => Check::warning(NAME, found, remedy),
         _ => Check::good(NAME, found),
     }
 }
@@ -100,11 +100,11 @@ pub(super) fn memory(text: &str) -> Check {
     const NAME: &str = "memory";
     let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
     let kb = line.and_then(|rest| rest.trim().strip_suffix("kB")?.trim().parse::<f64>().ok());
-    let mend = "end what is not needed on this computer";
+    let remedy = "end what is not needed on this computer";
     match kb {
-        None => Check::unknown(NAME, "the kernel does not say", mend),
+        None => Check::unknown(NAME, "the kernel does not say", remedy),
         Some(kb) if kb < MEMORY_KB => {
-            Check::warning(NAME, format!("{:.0} MB available; a platform's nodes need 500", kb / 1e3), mend)
+            Check::warning(NAME, format!("{:.0} MB available; a platform's nodes need 500", kb / 1e3), remedy)
         }
         Some(kb) => Check::good(NAME, format!("{:.1} GB available", kb / 1e6)),
     }
@@ -170,11 +170,11 @@ fn wake_ups() -> Check {
 pub(super) fn judged_wake_ups(p99_s: f64, worst_s: f64) -> Check {
     const NAME: &str = "wake-ups";
     let found = format!("99 % end less than {:.2} ms late, the worst {:.2} ms", p99_s * 1e3, worst_s * 1e3);
-    let mend = "end other programs; a kernel with PREEMPT_RT, and the governor performance, make it better";
+    let remedy = "end other programs; a kernel with PREEMPT_RT, and the governor performance, make it better";
     if p99_s > LATE_WRONG_S {
-        Check::wrong(NAME, found, mend)
+        Check::wrong(NAME, found, remedy)
     } else if p99_s > LATE_WARNING_S || worst_s > LATE_WRONG_S {
-        Check::warning(NAME, found, mend)
+        Check::warning(NAME, found, remedy)
     } else {
         Check::good(NAME, found)
     }

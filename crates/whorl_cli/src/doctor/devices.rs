@@ -28,12 +28,12 @@ pub(super) fn all(mut options: SetupOptions, platform: &str) -> anyhow::Result<V
     let list: DeviceList = whorl_params::try_read(&own, parameters::read)?.0.devices;
     let mut checks = Vec::new();
     if list.devices.is_empty() {
-        let mend = format!("devices in the driver's section of {platform}'s file (docs/hardware.md)");
-        return Ok(vec![Check::warning("devices", format!("{platform} has no list"), mend)]);
+        let remedy = format!("devices in the driver's section of {platform}'s file (docs/hardware.md)");
+        return Ok(vec![Check::warning("devices", format!("{platform} has no list"), remedy)]);
     }
     if !list.missing.is_empty() {
-        let mend = format!("an entry each in the driver's section of {platform}'s file");
-        checks.push(Check::wrong("devices", format!("none for: {}", list.missing.join(", ")), mend));
+        let remedy = format!("an entry each in the driver's section of {platform}'s file");
+        checks.push(Check::wrong("devices", format!("none for: {}", list.missing.join(", ")), remedy));
     }
     let place = Place { root: this_domain()?.emulated(platform), ..Place::default() };
     if let Some(root) = &place.root {
@@ -58,7 +58,7 @@ fn seen(named: &NamedDevice, place: &Place) -> Option<Check> {
     let name = title(named);
     Some(match named.device.inspect(place)? {
         Ok(found) => Check::good(&name, found),
-        Err(wrong) => Check::wrong(&name, wrong.found, wrong.mend),
+        Err(wrong) => Check::wrong(&name, wrong.found, wrong.remedy),
     })
 }
 
@@ -72,15 +72,15 @@ fn of_file(named: &NamedDevice, place: &Place) -> Option<Check> {
 pub(super) fn file(name: &str, path: &Path) -> Check {
     let shown = path.display();
     if !path.exists() {
-        let mend = "plug it in; dmesg shows under which name, and packaging/udev gives it a lasting one";
-        return Check::wrong(name, format!("{shown} is not there"), mend);
+        let remedy = "plug it in; dmesg shows under which name, and packaging/udev gives it a lasting one";
+        return Check::wrong(name, format!("{shown} is not there"), remedy);
     }
     let needed = if path.is_dir() { Access::READ_OK } else { Access::READ_OK | Access::WRITE_OK };
     match rustix::fs::access(path, needed) {
         Ok(()) => Check::good(name, format!("{shown} can be opened")),
         Err(_) => {
-            let mend = "sudo usermod -aG dialout $USER, and log in again (packaging/udev sets the group)";
-            Check::wrong(name, format!("{shown}: no permission"), mend)
+            let remedy = "sudo usermod -aG dialout $USER, and log in again (packaging/udev sets the group)";
+            Check::wrong(name, format!("{shown}: no permission"), remedy)
         }
     }
 }
@@ -92,8 +92,8 @@ fn of_host(named: &NamedDevice, place: &Place) -> Option<Check> {
     let address = match place.host(host) {
         Ok(address) => address,
         Err(error) => {
-            let mend = "write its address as number:port, or start the emulators";
-            return Some(Check::wrong(&name, format!("{host}: {error}"), mend));
+            let remedy = "write its address as number:port, or start the emulators";
+            return Some(Check::wrong(&name, format!("{host}: {error}"), remedy));
         }
     };
     let began = Instant::now();
@@ -103,8 +103,9 @@ fn of_host(named: &NamedDevice, place: &Place) -> Option<Check> {
             Check::good(&name, format!("{host} answers within {ms:.1} ms"))
         }
         Err(error) => {
-            let mend = format!("ping {}; is it powered, on this network, and its port right?", address.ip());
-            Check::wrong(&name, format!("{host}: {error}"), mend)
+            let remedy =
+                format!("ping {}; is it powered, on this network, and its port right?", address.ip());
+            Check::wrong(&name, format!("{host}: {error}"), remedy)
         }
     })
 }
@@ -138,8 +139,8 @@ fn of_topics(list: &DeviceList, place: &Place) -> anyhow::Result<Vec<Check>> {
                 if found(topic, *is_read) {
                     return Check::good(name, format!("a node {does} {topic}"));
                 }
-                let mend = "start its driver; ros2 topic list shows names; ROS_DOMAIN_ID and ROS_AUTOMATIC_DISCOVERY_RANGE are as above";
-                Check::wrong(name, format!("no node {does} {topic}"), mend)
+                let remedy = "start its driver; ros2 topic list shows names; ROS_DOMAIN_ID and ROS_AUTOMATIC_DISCOVERY_RANGE are as above";
+                Check::wrong(name, format!("no node {does} {topic}"), remedy)
             };
             return Ok(wanted.iter().map(check).collect());
         }

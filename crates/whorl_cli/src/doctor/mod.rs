@@ -51,28 +51,29 @@ struct Check {
     /// What was found.
     found: String,
     /// What to do.
-    mend: Option<String>,
+    #[serde(rename = "mend")]
+    remedy: Option<String>,
 }
 
 impl Check {
     fn good(name: &str, found: impl Into<String>) -> Self {
-        Self { name: name.into(), verdict: Verdict::Good, found: found.into(), mend: None }
+        Self { name: name.into(), verdict: Verdict::Good, found: found.into(), remedy: None }
     }
 
-    fn new(name: &str, verdict: Verdict, found: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self { name: name.into(), verdict, found: found.into(), mend: Some(mend.into()) }
+    fn new(name: &str, verdict: Verdict, found: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self { name: name.into(), verdict, found: found.into(), remedy: Some(remedy.into()) }
     }
 
-    fn warning(name: &str, found: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self::new(name, Verdict::Warning, found, mend)
+    fn warning(name: &str, found: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::new(name, Verdict::Warning, found, remedy)
     }
 
-    fn wrong(name: &str, found: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self::new(name, Verdict::Wrong, found, mend)
+    fn wrong(name: &str, found: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::new(name, Verdict::Wrong, found, remedy)
     }
 
-    fn unknown(name: &str, found: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self::new(name, Verdict::Unknown, found, mend)
+    fn unknown(name: &str, found: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::new(name, Verdict::Unknown, found, remedy)
     }
 }
 
@@ -97,8 +98,8 @@ fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
             Verdict::Unknown => "unknown",
         };
         say!("{mark:8} {:22} {}", check.name, check.found);
-        if let Some(mend) = &check.mend {
-            say!("{:8} {:22} -> {mend}", "", "");
+        if let Some(remedy) = &check.remedy {
+            say!("{:8} {:22} -> {remedy}", "", "");
         }
     }
     let count = |verdict| checks.iter().filter(|check| check.verdict == verdict).count();

@@ -31,8 +31,8 @@ pub(super) fn all(machine: &Machine) -> Vec<Check> {
             .map(|address| format!("{} {}", address.name, address.address))
             .collect();
         checks.push(if used.is_empty() {
-            let mend = "plug the network in, or ip addr; WHORL_INTERFACE chooses an interface";
-            Check::wrong(NAME, format!("ROS domain {domain}: no interface has an address"), mend)
+            let remedy = "plug the network in, or ip addr; WHORL_INTERFACE chooses an interface";
+            Check::wrong(NAME, format!("ROS domain {domain}: no interface has an address"), remedy)
         } else {
             Check::good(NAME, format!("ROS domain {domain} on {}", used.join(", ")))
         });
@@ -54,13 +54,13 @@ pub(super) fn all(machine: &Machine) -> Vec<Check> {
 /// The largest receive buffer that a program may have.
 pub(super) fn buffer(machine: &Machine) -> Check {
     let name = "receive buffers";
-    let mend =
+    let remedy =
         format!("sysctl -w net.core.rmem_max={BUFFER}, and the same line in /etc/sysctl.d/60-whorl.conf");
     match machine.number("/proc/sys/net/core/rmem_max") {
-        None => Check::unknown(name, "the kernel does not say", mend),
+        None => Check::unknown(name, "the kernel does not say", remedy),
         Some(bytes) if bytes < BUFFER => {
             let found = format!("at most {:.0} kB: bursts of messages are lost", bytes / 1024.0);
-            Check::warning(name, found, mend)
+            Check::warning(name, found, remedy)
         }
         Some(bytes) => Check::good(name, format!("up to {:.0} kB", bytes / 1024.0)),
     }
@@ -74,11 +74,11 @@ pub(super) fn wireless(text: &str, machine: &Machine) -> Vec<Check> {
         .filter_map(|interface| {
             let answer = (machine.run)("iw", &["dev", &interface, "get", "power_save"])?;
             let name = format!("radio {interface}");
-            let mend = format!("iw dev {interface} set power_save off");
+            let remedy = format!("iw dev {interface} set power_save off");
             Some(match answer.trim().rsplit(' ').next() {
                 Some("off") => Check::good(&name, "does not save power"),
-                Some("on") => Check::warning(&name, "saves power: messages are up to 0.1 s late", mend),
-                _ => Check::unknown(&name, "does not say whether it saves power", mend),
+                Some("on") => Check::warning(&name, "saves power: messages are up to 0.1 s late", remedy),
+                _ => Check::unknown(&name, "does not say whether it saves power", remedy),
             })
         })
         .collect()

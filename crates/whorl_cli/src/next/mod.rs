@@ -124,9 +124,9 @@ fn as_json(
         json!({
             "name": j.manoeuvre.name,
             "manoeuvre": format!("the platform {}", j.manoeuvre.words),
-            "expected_log_odds": j.prospect.log_odds,
-            "effects_shown": j.prospect.shown,
-            "effects_not_shown": j.prospect.not_shown,
+            "expected_log_odds": j.expected.log_odds,
+            "effects_shown": j.expected.shown,
+            "effects_not_shown": j.expected.not_shown,
             "demand": j.demand,
         })
     };
@@ -140,7 +140,7 @@ fn as_json(
         "effects_shown_now": proposal.now.shown,
         "next": {
             "manoeuvre": format!("the platform {}", best.manoeuvre.words),
-            "expected_log_odds": best.prospect.log_odds.unwrap_or(0.0),
+            "expected_log_odds": best.expected.log_odds.unwrap_or(0.0),
         },
         "manoeuvres": proposal.judged.iter().map(one).collect::<Vec<_>>(),
         "left_out": proposal.left_out.iter().map(|(name, reason)| json!({"name": name, "reason": reason})).collect::<Vec<_>>(),

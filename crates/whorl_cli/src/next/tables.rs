@@ -27,8 +27,8 @@ pub fn rows(proposal: &Proposal) -> Vec<Vec<String>> {
     rows.extend(proposal.judged.iter().map(|j| {
         vec![
             j.manoeuvre.name.to_owned(),
-            odds(j.prospect.log_odds),
-            j.prospect.shown.len().to_string(),
+            odds(j.expected.log_odds),
+            j.expected.shown.len().to_string(),
             format!("{:.0}", j.demand.duration_s),
             format!("{:.1}", j.demand.tilt_deg),
             format!("{:.1}", j.demand.rate_deg_s),

@@ -76,7 +76,7 @@ fn signs(draft: &mut MapDraft, recording: &Recording, scale: f64) -> bool {
         && force == other
     {
         draft.notes.push(format!(
-            "The gyro turns against accelerometer and vector sensor, which agree: by them, {force}, of the gyro. Mend the map."
+            "The gyro turns against accelerometer and vector sensor, which agree: by them, {force}, of the gyro. Correct the map."
         ));
         return false;
     }
@@ -93,7 +93,7 @@ fn reverse(entry: &mut super::channels::Entry, found: &Contradiction) -> bool {
     let axis = |letter: &char| ['x', 'y', 'z'].iter().position(|name| name == letter);
     let [.., last] = found.reversed.as_slice() else {
         entry.of =
-            Sourced::new((), Origin::Assumed, format!("turns against the gyro: {found}; mend the map"));
+            Sourced::new((), Origin::Assumed, format!("turns against the gyro: {found}; correct the map"));
         return false;
     };
     // Of several that would do, the one across the floor rather than up.

@@ -84,7 +84,7 @@ impl Bus {
         let Ok(flags) = std::fs::read_to_string(flags) else {
             return Some(Err(Wrong {
                 found: format!("there is no network interface {}", self.0),
-                mend: "plug the CAN adapter in; ip -details link show type can lists what there is"
+                remedy: "plug the CAN adapter in; ip -details link show type can lists what there is"
                     .to_owned(),
             }));
         };
@@ -93,8 +93,8 @@ impl Bus {
         Some(if number & 1 == 1 {
             Ok(format!("{} is up", self.0))
         } else {
-            let mend = format!("sudo ip link set {} up type can bitrate 1000000 restart-ms 100", self.0);
-            Err(Wrong { found: format!("{} is down", self.0), mend })
+            let remedy = format!("sudo ip link set {} up type can bitrate 1000000 restart-ms 100", self.0);
+            Err(Wrong { found: format!("{} is down", self.0), remedy })
         })
     }
 }
@@ -275,7 +275,7 @@ mod tests {
         let error = Can::open(&bus, &Place::default(), &[1], "").unwrap_err().to_string();
         assert!(error.contains("cannot open no_such_can"), "{error}");
         let wrong = bus.inspect(&Place::default()).unwrap().unwrap_err();
-        assert!(wrong.found.contains("no_such_can") && wrong.mend.contains("ip "), "{wrong:?}");
+        assert!(wrong.found.contains("no_such_can") && wrong.remedy.contains("ip "), "{wrong:?}");
     }
 
     #[test]

@@ -58,7 +58,7 @@ pub(super) fn request(setup: &Valves, place: &Place) -> Result<Box<dyn Lines>, D
 
 /// What `whorl doctor` sees without requesting anything.
 pub(super) fn inspect(setup: &Valves, place: &Place) -> Result<String, Wrong> {
-    let wrong = |found: String, mend: &str| Wrong { found, mend: mend.to_owned() };
+    let wrong = |found: String, remedy: &str| Wrong { found, remedy: remedy.to_owned() };
     let chip = &setup.chip;
     if place.root.is_some() {
         // Nothing more: a connection would send the driver's away.
@@ -67,14 +67,14 @@ pub(super) fn inspect(setup: &Valves, place: &Place) -> Result<String, Wrong> {
     }
     let path = Path::new(chip);
     if !path.exists() {
-        let mend =
+        let remedy =
             "gpiodetect lists chips; without any, the kernel lacks the chip's driver or CONFIG_GPIO_CDEV";
-        return Err(wrong(format!("{chip} is not there"), mend));
+        return Err(wrong(format!("{chip} is not there"), remedy));
     }
     if rustix::fs::access(path, Access::READ_OK | Access::WRITE_OK).is_err() {
-        let mend =
+        let remedy =
             "sudo usermod -aG dialout $USER, and log in again (packaging/udev gives that group the chip)";
-        return Err(wrong(format!("{chip}: no permission"), mend));
+        return Err(wrong(format!("{chip}: no permission"), remedy));
     }
     let opened = open(setup, path).map_err(|error| {
         wrong(error.to_string(), "gpiodetect lists chips with their labels: correct chip, label or lines")

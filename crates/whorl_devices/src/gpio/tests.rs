@@ -171,9 +171,9 @@ fn a_chip_that_is_lost_has_its_valves_shut_when_it_is_back() {
 }
 
 #[test]
-fn a_missing_chip_is_named_with_what_mends_it() {
+fn a_missing_chip_is_named_with_its_remedy() {
     let wrong = setup("/dev/gpiochip_none", false).inspect(&Place::default()).unwrap().unwrap_err();
-    assert!(wrong.found.contains("/dev/gpiochip_none is not there") && wrong.mend.contains("gpiodetect"));
+    assert!(wrong.found.contains("/dev/gpiochip_none is not there") && wrong.remedy.contains("gpiodetect"));
     let error = lines::request(&setup("/dev/null", false), &Place::default()).err().unwrap().to_string();
     assert!(error.contains("/dev/null"), "{error}");
 }

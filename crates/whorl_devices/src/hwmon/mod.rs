@@ -213,8 +213,8 @@ impl Device for Chip {
             }
             Ok::<_, DeviceError>(format!("{}: {}", folder.display(), seen.join(", ")))
         };
-        let mend = "grep . /sys/class/hwmon/hwmon*/name lists chips; without its own, load the chip's driver (modprobe, device tree)";
-        Some(see().map_err(|error| Wrong { found: error.to_string(), mend: mend.to_owned() }))
+        let remedy = "grep . /sys/class/hwmon/hwmon*/name lists chips; without its own, load the chip's driver (modprobe, device tree)";
+        Some(see().map_err(|error| Wrong { found: error.to_string(), remedy: remedy.to_owned() }))
     }
 
     fn roles(&self) -> Vec<Role> {

@@ -64,7 +64,7 @@ fn doctor_sees_what_a_chip_measures() {
     let chip = chip(folder.path(), None, inputs);
     let seen = |chip: &Chip| chip.inspect(&Place::default()).unwrap();
     let missing = seen(&chip).unwrap_err();
-    assert!(missing.found.contains("holds none") && missing.mend.contains("modprobe"), "{missing:?}");
+    assert!(missing.found.contains("holds none") && missing.remedy.contains("modprobe"), "{missing:?}");
     for (file, text) in
         [("name", "ina226"), ("in1_input", "24100"), ("temp1_input", "21500"), ("temp1_fault", "1")]
     {

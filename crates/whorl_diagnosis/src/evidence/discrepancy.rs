@@ -1,10 +1,10 @@
 //! Slow errors of signals whose formula is right only to some per cent.
 //!
 //! A real friction, plenum or motor follows its formula to some per cent, and the error changes slowly. So the signal of
-//! every member of a hypothesis, and of every known input (thrust, motor torque), is expected to differ from its formula
+//! every term of a hypothesis, and of every known input (thrust, motor torque), is expected to differ from its formula
 //! by a factor 1 + e that is constant over some seconds and drawn anew after them, e ~ N(0, eps^2): model discrepancy
-//! (Kennedy and O'Hagan 2001) in proportion to the signal. It is integrated out: what a slightly wrong formula leaves is
-//! no second effect.
+//! (Kennedy and O'Hagan 2001) in proportion to the signal. It is integrated out, so that the misspecification leakage of a
+//! slightly wrong formula is not taken for a second effect.
 //!
 //! In a block of time with whitened signals S (rows x signals), the residual r has the covariance I + eps^2 S S^T. By
 //! Woodbury's identity every product a^T b becomes a^T b - a^T S (S^T S + I/eps^2)^-1 S^T b, and the density gains

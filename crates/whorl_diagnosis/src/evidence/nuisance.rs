@@ -1,10 +1,10 @@
 //! Noise that a hypothesis expects beside what the model states: a gyro's bias that walks, a slow random torque, and noise
 //! of the wheels' torques.
 //!
-//! All are there in any laboratory, to a size that nobody knows. Each set of explanations is weighed with the sizes that
-//! are likeliest beside it, so that a missing effect must explain what no noise of this kind does. Sizes are steps of a
-//! factor of three: where a set explains what there is, noise that is finer graded takes up what its formulas leave.
-//! A correlation time that is wrong by a factor of three leaves to others what is slower, or faster, than it allows.
+//! All exist in any laboratory, at an unknown size. Each set of explanations is evaluated with the sizes that are
+//! likeliest beside it, so that a missing effect must explain what no noise of this kind explains. Sizes are steps of a
+//! factor of three: with finer steps the noise would fit the misspecification leakage of a set that explains the data.
+//! A correlation time that is wrong by a factor of three would leave slower, or faster, residuals to other explanations.
 
 /// Factor from size to size.
 pub(crate) const STEP: f64 = 3.0;
@@ -15,14 +15,14 @@ const SIZES: u8 = 12;
 /// Size at which a kind of noise begins to show.
 const SHOWS: u8 = 3;
 
-/// Size of each kind from which a climb begins.
+/// Initial guess of the size of each kind.
 const SOME: u8 = 6;
 
 /// Correlation times of a slow random torque, as shares of the whitening filter's memory, slowest first.
-pub(crate) const PACES: [f64; 3] = [1.0, 0.316_227_766_016_837_94, 0.1];
+pub(crate) const CORRELATION_TIMES: [f64; 3] = [1.0, 0.316_227_766_016_837_94, 0.1];
 
 /// The fastest of them.
-const FASTEST: u8 = PACES.len() as u8 - 1;
+const FASTEST: u8 = CORRELATION_TIMES.len() as u8 - 1;
 
 /// A bias that does not walk: it would show after so long \[s\].
 const STEADY_S: f64 = 1e4;
@@ -36,8 +36,8 @@ pub(crate) struct Nuisance {
     pub torque: u8,
     /// Noise of the wheels' torques.
     pub wheel: u8,
-    /// Its correlation time: index into [`PACES`].
-    pub pace: u8,
+    /// Its correlation time: index into [`CORRELATION_TIMES`].
+    pub correlation_time: u8,
 }
 
 impl Nuisance {
@@ -45,7 +45,7 @@ impl Nuisance {
     pub fn log_prior(self) -> f64 {
         let of_kind = |step: u8, choices: f64| if step == 0 { 0.5f64.ln() } else { (0.5 / choices).ln() };
         of_kind(self.bias, f64::from(SIZES))
-            + of_kind(self.torque, PACES.len() as f64 * f64::from(SIZES))
+            + of_kind(self.torque, CORRELATION_TIMES.len() as f64 * f64::from(SIZES))
             + of_kind(self.wheel, f64::from(SIZES))
     }
 
@@ -57,13 +57,15 @@ impl Nuisance {
         }
     }
 
-    /// Where a climb to the likeliest noise begins: here, and where there is noise, also without any, and with some of each
+    /// Initial guesses of the likeliest noise: here, and where there is noise, also without any, and with some of each
     /// kind. A large torque hides that the wheels have noise, and no single step leads from there.
     pub fn starts(self) -> Vec<Self> {
         let mut all = vec![self];
         if self.torque > 0 || self.wheel > 0 {
             let kinds = [(0, 0), (SOME, 0), (SOME, FASTEST)];
-            let of_kind = |(torque, pace)| [0, SOME].map(|wheel| Self { torque, pace, wheel, ..self });
+            let of_kind = |(torque, correlation_time)| {
+                [0, SOME].map(|wheel| Self { torque, correlation_time, wheel, ..self })
+            };
             all.extend(kinds.into_iter().flat_map(of_kind));
         }
         all
@@ -84,13 +86,21 @@ impl Nuisance {
         }
         all.extend(steps(self.torque).into_iter().map(|torque| Self { torque, ..self }));
         if self.torque > 0 {
-            let paces = [self.pace.checked_sub(1), Some(self.pace + 1).filter(|pace| *pace <= FASTEST)];
-            all.extend(paces.into_iter().flatten().map(|pace| Self { pace, ..self }));
+            let correlation_times = [
+                self.correlation_time.checked_sub(1),
+                Some(self.correlation_time + 1).filter(|correlation_time| *correlation_time <= FASTEST),
+            ];
+            all.extend(
+                correlation_times
+                    .into_iter()
+                    .flatten()
+                    .map(|correlation_time| Self { correlation_time, ..self }),
+            );
         }
         all.extend(steps(self.bias).into_iter().map(|bias| Self { bias, ..self }));
         for other in &mut all {
             if other.torque == 0 {
-                other.pace = 0;
+                other.correlation_time = 0;
             }
         }
         all

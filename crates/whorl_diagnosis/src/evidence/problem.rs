@@ -7,12 +7,12 @@ use whorl_math::vertical_b;
 use whorl_recording::{Channel, Recording};
 use whorl_trajectory::noise::typical_step_s;
 
-use crate::evidence::colour::{Colour, Colours, colour_log_density, colours_of};
-use crate::evidence::nuisance::{Nuisance, PACES, STEP};
+use crate::bins::motion::Motion;
+use crate::bins::run::{Run, is_clamped};
+use crate::bins::torques::Torques;
+use crate::evidence::ar_noise::{ArModel, ArModels, ar_log_density, ar_models_of};
+use crate::evidence::nuisance::{CORRELATION_TIMES, Nuisance, STEP};
 use crate::evidence::regression::{Normal, Whitened};
-use crate::layout::motion::Motion;
-use crate::layout::run::{Run, is_clamped};
-use crate::layout::torques::Torques;
 use crate::parameters::{Column, Point, Reference};
 use crate::whitening::columns::{GROUPS, LANES, Linearised, Moved, group_response, predict};
 use crate::whitening::filter::{Background, Settings, System};
@@ -57,21 +57,21 @@ pub(crate) struct Dataset {
     pub blocks: Vec<Normal>,
     pub total: Normal,
     pub whitened: Vec<Whitened>,
-    /// Colour of each channel of each run.
-    pub colours: Colours,
+    /// AR noise model of each channel of each run.
+    pub ar_models: ArModels,
     /// Log density of innovations of zero, up to a constant: sum of the logarithms of their inverse sizes.
     pub log_density: f64,
 }
 
-/// How far the model's accelerations are trusted while a motion is smoothed: a random walk of the rate [rad/s/sqrt(s)].
+/// Process noise with which a motion is smoothed: the random walk of the rate beside the model's accelerations [rad/s/sqrt(s)].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Trust {
-    /// To within this walk.
-    Within(f64),
-    /// As far as the data of each run support it.
-    AsDataSay,
-    /// As far as in the last smoothing of the same kind: what one step of a fit changes is less than a factor of five.
-    AsBefore,
+pub(crate) enum ProcessNoise {
+    /// This walk.
+    Fixed(f64),
+    /// The walk that the data of each run support best.
+    Estimated,
+    /// That of the last smoothing of the same kind: what one step of a fit changes is less than a factor of five.
+    Previous,
 }
 
 /// The random walk of the rate that the data support best, not below `least`.
@@ -110,7 +110,7 @@ impl Problem {
                 recording,
                 &reference.model,
                 bin_s,
-                reference.late_s,
+                reference.extra_latency_s,
                 reference.settings.feedback_correlation,
             )?;
             Ok::<_, DiagnosisError>((run, step_s))
@@ -149,8 +149,8 @@ impl Problem {
         Ok(problem)
     }
 
-    /// Settles for all further fits where the bearing's stop is near, and the model knows that it does not know. An
-    /// interval more or less changes the density of the data by more than two like effects differ.
+    /// Fixes for all further fits in which intervals the bearing's stop is near, where the filter takes the torque as unknown.
+    /// One such interval more or less changes the density of the data by more than two similar effects differ.
     pub fn settle_stops(&mut self) -> Result<(), DiagnosisError> {
         let mechanics = Mechanics::new(&self.reference.model)?;
         for (run, motion) in Arc::make_mut(&mut self.runs).iter_mut().zip(self.motions.iter()) {
@@ -175,8 +175,8 @@ impl Problem {
     ///
     /// Sensitivities are taken along this trajectory. If it followed the gyro's noise, a reading's noise
     /// would be part of its own regressor (errors in variables), and a platform at rest would seem to have
-    /// a gyro with a scale error. Hence the model is trusted as far as it is right.
-    pub fn smooth(&mut self, point: &Point, trust: Trust) -> Result<(), DiagnosisError> {
+    /// a gyro with a scale error. Hence the process noise is only as large as the errors of the model.
+    pub fn smooth(&mut self, point: &Point, process_noise: ProcessNoise) -> Result<(), DiagnosisError> {
         let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
         let indices: Vec<usize> = (0..self.runs.len()).collect();
         let smoothed = threads::map(self.threads, &indices, |&r| {
@@ -188,9 +188,9 @@ impl Problem {
             let system = |rate_walk| self.smoothing(r, run, motion, &mechanics, &prediction, rate_walk);
             let linear = system(0.0).linear();
             let least = self.settings(r).rate_walk;
-            let walk = match (trust, self.walks.get(r)) {
-                (Trust::Within(walk), _) => walk,
-                (Trust::AsBefore, Some(walk)) => walk.max(least),
+            let walk = match (process_noise, self.walks.get(r)) {
+                (ProcessNoise::Fixed(walk), _) => walk,
+                (ProcessNoise::Previous, Some(walk)) => walk.max(least),
                 _ => likeliest_walk(least, self.reference.settings.doubt_nats, |walk| {
                     system(walk).log_likelihood(&linear)
                 }),
@@ -199,7 +199,7 @@ impl Problem {
         });
         let (motions, walks): (Vec<Motion>, Vec<f64>) = smoothed.into_iter().unzip();
         self.motions = Arc::new(motions);
-        if !matches!(trust, Trust::Within(_)) {
+        if !matches!(process_noise, ProcessNoise::Fixed(_)) {
             self.walks = walks;
         }
         self.check_attitude()
@@ -221,8 +221,8 @@ impl Problem {
         System { run, motion, mechanics, prediction, settings }
     }
 
-    /// Where no sensor tells the heading, a spring does, if the model is trusted: a walk of the rate that makes up for a
-    /// wrong heading would leave it where it is.
+    /// The motion turned to the heading that springs tell, where no sensor does. That needs small process noise: a walk of the
+    /// rate could otherwise make up for a wrong heading.
     fn turned_by_springs(&self, r: usize, run: &Run, motion: &Motion, mechanics: &Mechanics) -> Motion {
         let mut best = (motion.clone(), f64::NEG_INFINITY);
         if run.clamped || run.has_heading() {
@@ -239,7 +239,7 @@ impl Problem {
             }
             let system = self.smoothing(r, run, &here, mechanics, &prediction, self.settings(r).rate_walk);
             let (next, log_likelihood) = system.corrected(&system.linear());
-            // That of the motion it was taken at.
+            // The log likelihood is that of the motion about which the system was linearised.
             if log_likelihood < best.1 + self.reference.settings.unfinished_nats {
                 break;
             }
@@ -249,8 +249,8 @@ impl Problem {
         best.0
     }
 
-    /// Power of what accelerometer and vector sensors say against the gyro, over that of noise: no torque
-    /// enters, for the model's accelerations are not trusted. Median of the runs.
+    /// Power of the innovations of accelerometer and vector sensors against the gyro, over that of noise, with process noise
+    /// so large that the model's torques do not matter. Median of the runs.
     pub fn kinematic_power(&self, point: &Point) -> Result<f64, DiagnosisError> {
         let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
         let mut powers: Vec<f64> = self
@@ -295,8 +295,9 @@ impl Problem {
         if nuisance.torque == 0 {
             return Background::default();
         }
-        let pace = PACES.get(usize::from(nuisance.pace)).copied().unwrap_or(1.0);
-        let correlation_s = pace * self.memory_s;
+        let correlation_time =
+            CORRELATION_TIMES.get(usize::from(nuisance.correlation_time)).copied().unwrap_or(1.0);
+        let correlation_s = correlation_time * self.memory_s;
         let inertia = self.reference.model.mass_properties.inertia_b_kg_m2().trace() / 3.0;
         let density = whorl_math::statistics::median(self.gyro_density.iter().copied());
         let least = inertia * density / self.memory_s / (2.0 * correlation_s).sqrt();
@@ -314,7 +315,7 @@ impl Problem {
         stddev_n_m > self.reference.settings.background_share * self.torques.body_n_m
     }
 
-    /// Log prior of the noise beside what the model states. A torque that is no background is something without a name.
+    /// Log prior of the noise beside what the model states. A torque that is no background is something unmodelled.
     pub fn log_prior(&self, nuisance: Nuisance) -> f64 {
         nuisance.log_prior()
             + if self.is_large(nuisance) { self.reference.settings.unmodelled.ln() } else { 0.0 }
@@ -343,9 +344,9 @@ impl Problem {
         }
     }
 
-    /// Without a tachometer nobody knows which way the wheels turn, so their friction may be off by all of its
-    /// size, for as long as a wheel keeps turning: a torque state that walks so far in the filter's memory
-    /// [N m/sqrt(s)].
+    /// Without a tachometer the sense in which the wheels turn is unknown, so their friction may be wrong by all of its
+    /// size for as long as a wheel keeps turning: the intensity of a torque state that walks so far within the filter's
+    /// memory [N m/sqrt(s)].
     fn friction_walk(&self, run: &Run) -> f64 {
         if run.has_wheel_speed || run.clamped {
             return 0.0;
@@ -426,16 +427,16 @@ impl Problem {
         Ok(whitened)
     }
 
-    /// The regression at a point. `colours` come from an earlier call, or are estimated with a fit of all
+    /// The regression at a point. `ar_models` come from an earlier call, or are estimated with a fit of all
     /// columns, whose prior variances are `wide`.
     pub fn dataset(
         &self,
         mut whitened: Vec<Whitened>,
         columns: usize,
         wide: &[f64],
-        colours: Option<Colours>,
+        ar_models: Option<ArModels>,
     ) -> Dataset {
-        let colours = colours.unwrap_or_else(|| {
+        let ar_models = ar_models.unwrap_or_else(|| {
             let mut total = Normal::zeros(columns);
             for slot in &whitened {
                 // A quarter of the rows is enough to leave only the noise.
@@ -451,12 +452,12 @@ impl Problem {
             whitened
                 .iter()
                 .map(|slot| {
-                    colours_of(&slot.residual(&value), &slot.rows_by_reading(), &self.reference.settings)
+                    ar_models_of(&slot.residual(&value), &slot.rows_by_reading(), &self.reference.settings)
                 })
                 .collect()
         });
-        for (slot, colours) in whitened.iter_mut().zip(&colours) {
-            slot.colour(colours, self.threads);
+        for (slot, ar_models) in whitened.iter_mut().zip(&ar_models) {
+            slot.whiten(ar_models, self.threads);
         }
         let mut blocks = Vec::new();
         let mut total = Normal::zeros(columns);
@@ -466,9 +467,10 @@ impl Problem {
                 blocks.push(block);
             }
         }
-        let of_run =
-            |(slot, colours): (&Whitened, &Vec<Colour>)| colour_log_density(&slot.rows_by_reading(), colours);
-        let log_density = whitened.iter().zip(&colours).map(of_run).sum();
-        Dataset { blocks, total, whitened, colours, log_density }
+        let of_run = |(slot, ar_models): (&Whitened, &Vec<ArModel>)| {
+            ar_log_density(&slot.rows_by_reading(), ar_models)
+        };
+        let log_density = whitened.iter().zip(&ar_models).map(of_run).sum();
+        Dataset { blocks, total, whitened, ar_models, log_density }
     }
 }

@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, DVectorView, Dyn};
 use whorl_recording::Component;
 
-use crate::evidence::colour::{Colour, coloured, rows_by_reading};
+use crate::evidence::ar_noise::{ArModel, rows_by_reading, whiten_series};
 use crate::whitening::columns::{LANES, Lanes};
 
 /// Blocks of time into which each run is cut for cross-validation.
@@ -160,14 +160,14 @@ impl Whitened {
     }
 
     /// Passes everything through the filter of coloured noise.
-    pub fn colour(&mut self, colours: &[Colour], threads: usize) {
+    pub fn whiten(&mut self, ar_models: &[ArModel], threads: usize) {
         let rows_by_reading = self.rows_by_reading();
-        coloured(&mut self.y, &rows_by_reading, colours);
+        whiten_series(&mut self.y, &rows_by_reading, ar_models);
         let groups: Vec<Mutex<&mut Vec<Lanes>>> = self.groups.iter_mut().map(Mutex::new).collect();
         crate::threads::map(threads, &groups, |group| {
             let mut group = group.lock().unwrap_or_else(PoisonError::into_inner);
-            for (rows, colour) in rows_by_reading.iter().zip(colours) {
-                colour.whiten(
+            for (rows, ar_model) in rows_by_reading.iter().zip(ar_models) {
+                ar_model.whiten(
                     rows,
                     &mut group,
                     |y, x, factor| y.iter_mut().zip(x).for_each(|(y, x)| *y += factor as f32 * x),
@@ -187,13 +187,13 @@ pub(crate) struct Widened {
 
 impl Whitened {
     /// The columns `own` of this run, and behind them `count` further ones whose responses, in groups, have yet to take these
-    /// colours.
+    /// AR models.
     pub fn widened(
         &self,
         own: &[usize],
         responses: Vec<Vec<Lanes>>,
         count: usize,
-        colours: &[Colour],
+        ar_models: &[ArModel],
         threads: usize,
     ) -> Widened {
         let alike = |groups, y| Self {
@@ -204,7 +204,7 @@ impl Whitened {
             nodes: self.nodes,
         };
         let mut further = alike(responses, vec![0.0; self.y.len()]);
-        further.colour(colours, threads);
+        further.whiten(ar_models, threads);
         let mut groups = self.selected(own);
         groups.append(&mut further.groups);
         Widened { whitened: alike(groups, self.y.clone()), own: own.len(), further: count }

@@ -25,9 +25,9 @@ pub(crate) struct Candidate {
 /// Prior variance of a column of which nothing is known, in its unit.
 const ANY_SIZE: f64 = 1e6;
 
-/// All columns of a regression and who owns them.
+/// The columns of the design matrix of a regression, and the effects that own them.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Layout {
+pub(crate) struct Design {
     pub columns: Vec<Column>,
     /// Columns of the base model.
     pub base: Vec<usize>,
@@ -60,7 +60,7 @@ impl<'a> Hints<'a> {
     }
 }
 
-impl Layout {
+impl Design {
     /// Columns for a point: effects that the point holds enter by their parameters, others by what they
     /// would add.
     pub fn new(
@@ -71,12 +71,12 @@ impl Layout {
         lines: &Lines,
         with_hidden: bool,
     ) -> Self {
-        let mut layout = Self {
+        let mut design = Self {
             columns: reference.base_columns(available),
             settings: reference.settings,
             ..Self::default()
         };
-        layout.base = (0..layout.columns.len()).filter(|i| layout.columns[*i].base_stddev > 0.0).collect();
+        design.base = (0..design.columns.len()).filter(|i| design.columns[*i].base_stddev > 0.0).collect();
         for effect in catalogue().iter().copied() {
             let id = effect.info().id;
             if exclude.iter().any(|e| e == id) || !available.can_test(effect) {
@@ -88,9 +88,9 @@ impl Layout {
             if effect.hidden_states(&reference.model) > 0 && !with_hidden && !point.effects.contains_key(id) {
                 continue;
             }
-            layout.add(reference, point, available, effect, lines);
+            design.add(reference, point, available, effect, lines);
         }
-        layout
+        design
     }
 
     /// Columns of the base model and of these effects alone.
@@ -101,17 +101,17 @@ impl Layout {
         ids: &[&str],
         lines: &Lines,
     ) -> Self {
-        let mut layout = Self {
+        let mut design = Self {
             columns: reference.base_columns(available),
             settings: reference.settings,
             ..Self::default()
         };
-        layout.columns.retain(|c| c.base_stddev > 0.0 || ids.contains(&c.group));
-        layout.base = (0..layout.columns.len()).filter(|i| layout.columns[*i].base_stddev > 0.0).collect();
+        design.columns.retain(|c| c.base_stddev > 0.0 || ids.contains(&c.group));
+        design.base = (0..design.columns.len()).filter(|i| design.columns[*i].base_stddev > 0.0).collect();
         for effect in ids.iter().filter_map(|id| find(id)) {
-            layout.add(reference, point, available, effect, lines);
+            design.add(reference, point, available, effect, lines);
         }
-        layout
+        design
     }
 
     fn push(&mut self, column: Column) -> usize {

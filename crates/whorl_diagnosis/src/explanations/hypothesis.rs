@@ -2,19 +2,19 @@
 
 use crate::Settings;
 use crate::evidence::regression::{Estimate, Normal};
-use crate::explanations::candidates::Layout;
+use crate::explanations::candidates::Design;
 use crate::parameters::Column;
 
 /// Prior sizes of an effect that are tried, in units of its catalogue prior. A ball bearing has a thousand times the friction
-/// of an air bearing, and nobody says what a rig turns on.
+/// of an air bearing, and no file states the kind of bearing.
 const SIZES: [f64; 10] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0, 1000.0];
 
 /// Minus the logarithm of a size's prior probability.
-fn price_of_size(size: f64, settings: &Settings) -> f64 {
+fn prior_penalty_of_size(size: f64, settings: &Settings) -> f64 {
     (SIZES.len() as f64).ln() + rarity_nats(size, settings)
 }
 
-/// What it costs that a size is unusual.
+/// Log-prior penalty of an unusual size.
 pub(crate) fn rarity_nats(size: f64, settings: &Settings) -> f64 {
     if size >= settings.unusual_size { settings.unusual_odds.ln() } else { 0.0 }
 }
@@ -27,18 +27,18 @@ const COARSE_ROOTS: [f64; 3] = [0.3, 3.0, 30.0];
 
 /// One effect of a hypothesis and how it enters.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Member {
+pub(crate) struct Term {
     pub candidate: usize,
     pub columns: Vec<usize>,
     /// Prior size, in units of the catalogue's prior.
     pub size: f64,
-    /// Ways in which it could have entered: evidence is shared among them.
+    /// Number of ways in which it could have entered: the prior is shared among them.
     pub options: usize,
 }
 
-impl Member {
-    /// The same effect as columns of another layout.
-    pub fn carried(&self, from: &Layout, to: &Layout) -> Option<Self> {
+impl Term {
+    /// The same effect as columns of another design matrix.
+    pub fn carried(&self, from: &Design, to: &Design) -> Option<Self> {
         let id = from.candidates.get(self.candidate)?.id;
         let candidate = to.candidates.iter().position(|c| c.id == id)?;
         let old: Vec<_> = self.columns.iter().filter_map(|i| from.columns.get(*i)).collect();
@@ -60,7 +60,7 @@ impl Member {
                 columns.clone_from(whole);
             }
         }
-        // A place on a grid is paid for by the prior of what it became.
+        // The choice of a grid point has its penalty in the prior of the value that it became.
         let was_place = special && old.iter().all(|c| c.step.iter().all(|s| *s == 0.0));
         let is_paid = was_place || (special && columns.iter().any(|i| to.columns[*i].is_shape));
         let options = if is_paid { 1 } else { self.options };
@@ -83,37 +83,37 @@ impl Member {
 /// A set of effects, fitted jointly with the base model.
 #[derive(Debug, Clone)]
 pub(crate) struct Hypothesis {
-    pub members: Vec<Member>,
+    pub terms: Vec<Term>,
     pub estimate: Estimate,
-    /// Log evidence, the choices made on the way paid for.
+    /// Log evidence, with the log-prior penalty of the choices.
     pub log_evidence: f64,
 }
 
 impl Hypothesis {
     /// The base model alone.
-    pub fn base(layout: &Layout, normal: &Normal) -> Option<Self> {
-        Self::of(layout, normal, Vec::new())
+    pub fn base(design: &Design, normal: &Normal) -> Option<Self> {
+        Self::of(design, normal, Vec::new())
     }
 
-    /// Fits a set of members; columns against their sign constraint leave the fit. `None` when a parameter
+    /// Fits a set of terms; columns against their sign constraint leave the fit. `None` when a parameter
     /// would have a value that no such platform can have.
-    pub fn of(layout: &Layout, normal: &Normal, members: Vec<Member>) -> Option<Self> {
-        Self::fitted(layout, normal, members, true)
+    pub fn of(design: &Design, normal: &Normal, terms: Vec<Term>) -> Option<Self> {
+        Self::fitted(design, normal, terms, true)
     }
 
     /// As [`Self::of`], with no limit on any value.
-    pub fn free(layout: &Layout, normal: &Normal, members: Vec<Member>) -> Option<Self> {
-        Self::fitted(layout, normal, members, false)
+    pub fn free(design: &Design, normal: &Normal, terms: Vec<Term>) -> Option<Self> {
+        Self::fitted(design, normal, terms, false)
     }
 
-    fn fitted(layout: &Layout, normal: &Normal, mut members: Vec<Member>, limited: bool) -> Option<Self> {
+    fn fitted(design: &Design, normal: &Normal, mut terms: Vec<Term>, limited: bool) -> Option<Self> {
         for _ in 0..8 {
-            let mut active = layout.base.clone();
-            let mut variance: Vec<f64> = (0..layout.columns.len()).map(|i| layout.base_variance(i)).collect();
-            for member in &members {
-                for i in &member.columns {
-                    let column = &layout.columns[*i];
-                    variance[*i] += member.prior_stddev(column).powi(2);
+            let mut active = design.base.clone();
+            let mut variance: Vec<f64> = (0..design.columns.len()).map(|i| design.base_variance(i)).collect();
+            for term in &terms {
+                for i in &term.columns {
+                    let column = &design.columns[*i];
+                    variance[*i] += term.prior_stddev(column).powi(2);
                     if column.base_stddev == 0.0 && !active.contains(i) {
                         active.push(*i);
                     }
@@ -122,9 +122,9 @@ impl Hypothesis {
             let estimate = Estimate::new(normal, &active, |i| variance[i].max(1e-12))?;
             // Only columns that are no part of the base obey their range here.
             let mut worst: Option<(usize, f64)> = None;
-            for member in members.iter().filter(|_| limited) {
-                for i in &member.columns {
-                    let column = &layout.columns[*i];
+            for term in terms.iter().filter(|_| limited) {
+                for i in &term.columns {
+                    let column = &design.columns[*i];
                     let value = estimate.of(*i);
                     // A shape that is at the end of its range stays there.
                     let against = if column.base_stddev == 0.0 && column.range.0 > -1e-9 {
@@ -142,8 +142,8 @@ impl Hypothesis {
             let Some((out, _)) = worst else {
                 // A size that no such platform can have explains nothing.
                 let implausible = limited
-                    && members.iter().flat_map(|m| &m.columns).any(|i| {
-                        let column = &layout.columns[*i];
+                    && terms.iter().flat_map(|m| &m.columns).any(|i| {
+                        let column = &design.columns[*i];
                         let value = estimate.of(*i);
                         let slack = 1e-6 * (1.0 + column.range.0.abs().min(column.range.1.abs()));
                         !column.quadratic
@@ -153,28 +153,28 @@ impl Hypothesis {
                 if implausible {
                     return None;
                 }
-                let signs = members
+                let signs = terms
                     .iter()
                     .flat_map(|m| &m.columns)
-                    .filter(|i| layout.columns[**i].base_stddev == 0.0 && layout.columns[**i].range.0 > -1e-9)
+                    .filter(|i| design.columns[**i].base_stddev == 0.0 && design.columns[**i].range.0 > -1e-9)
                     .count();
-                let choices: f64 = members
+                let choices: f64 = terms
                     .iter()
-                    .map(|m| (m.options as f64).ln() + price_of_size(m.size, &layout.settings))
+                    .map(|m| (m.options as f64).ln() + prior_penalty_of_size(m.size, &design.settings))
                     .sum();
                 let log_evidence = estimate.log_evidence - choices + signs as f64 * 2f64.ln();
-                return Some(Self { members, estimate, log_evidence });
+                return Some(Self { terms, estimate, log_evidence });
             };
-            for member in &mut members {
-                // What is left of the effect would be another by its name.
-                let column = layout.columns.get(out).filter(|_| member.columns.contains(&out));
+            for term in &mut terms {
+                // Without this column the effect would be another one.
+                let column = design.columns.get(out).filter(|_| term.columns.contains(&out));
                 if column.is_some_and(|c| c.essential) {
-                    member.columns.clear();
+                    term.columns.clear();
                 }
-                member.columns.retain(|i| *i != out);
+                term.columns.retain(|i| *i != out);
             }
-            members.retain(|m| !m.columns.is_empty());
-            if members.is_empty() {
+            terms.retain(|m| !m.columns.is_empty());
+            if terms.is_empty() {
                 return None;
             }
         }
@@ -182,12 +182,12 @@ impl Hypothesis {
     }
 
     /// Prior variance of every column under this hypothesis.
-    pub fn variances(&self, layout: &Layout) -> Vec<f64> {
-        let mut variance: Vec<f64> = (0..layout.columns.len()).map(|i| layout.base_variance(i)).collect();
-        for member in &self.members {
-            for i in &member.columns {
-                if let (Some(slot), Some(column)) = (variance.get_mut(*i), layout.columns.get(*i)) {
-                    *slot += member.prior_stddev(column).powi(2);
+    pub fn variances(&self, design: &Design) -> Vec<f64> {
+        let mut variance: Vec<f64> = (0..design.columns.len()).map(|i| design.base_variance(i)).collect();
+        for term in &self.terms {
+            for i in &term.columns {
+                if let (Some(slot), Some(column)) = (variance.get_mut(*i), design.columns.get(*i)) {
+                    *slot += term.prior_stddev(column).powi(2);
                 }
             }
         }
@@ -195,13 +195,13 @@ impl Hypothesis {
     }
 
     /// The best way for one more effect to enter; `None` if it would have to act against its sign.
-    pub fn with(&self, layout: &Layout, normal: &Normal, candidate: usize) -> Option<Self> {
-        let options = &layout.candidates.get(candidate)?.options;
-        let wanted = self.members.len() + 1;
+    pub fn with(&self, design: &Design, normal: &Normal, candidate: usize) -> Option<Self> {
+        let options = &design.candidates.get(candidate)?.options;
+        let wanted = self.terms.len() + 1;
         let try_one = |columns: &[usize], size: f64| {
-            let mut members = self.members.clone();
-            members.push(Member { candidate, columns: columns.to_vec(), size, options: options.len() });
-            Self::of(layout, normal, members).filter(|h| h.members.len() == wanted)
+            let mut terms = self.terms.clone();
+            terms.push(Term { candidate, columns: columns.to_vec(), size, options: options.len() });
+            Self::of(design, normal, terms).filter(|h| h.terms.len() == wanted)
         };
         let better = |best: Option<Self>, found: Option<Self>| match (best, found) {
             (Some(a), Some(b)) => Some(if b.log_evidence > a.log_evidence { b } else { a }),
@@ -210,12 +210,12 @@ impl Hypothesis {
         // Sizes first at a coarse step for every option, then finely for the best.
         let mut best: Option<Self> = None;
         for columns in options {
-            let of_squares = columns.iter().all(|i| layout.columns.get(*i).is_some_and(|c| c.quadratic));
+            let of_squares = columns.iter().all(|i| design.columns.get(*i).is_some_and(|c| c.quadratic));
             for size in if of_squares { COARSE_ROOTS } else { COARSE_SIZES } {
                 best = better(best, try_one(columns, size));
             }
         }
-        let columns = best.as_ref()?.members.last()?.columns.clone();
+        let columns = best.as_ref()?.terms.last()?.columns.clone();
         let full = options.first().cloned().unwrap_or_default();
         for size in SIZES {
             best = better(best, try_one(&columns, size));
@@ -224,16 +224,16 @@ impl Hypothesis {
         best
     }
 
-    /// The same members, the last of them at the prior size that the data support best.
-    pub fn resized(self, layout: &Layout, normal: &Normal) -> Self {
+    /// The same terms, the last of them at the prior size that the data support best.
+    pub fn resized(self, design: &Design, normal: &Normal) -> Self {
         let mut best = self;
         for size in SIZES {
-            let mut members = best.members.clone();
-            if let Some(last) = members.last_mut() {
+            let mut terms = best.terms.clone();
+            if let Some(last) = terms.last_mut() {
                 last.size = size;
             }
-            if let Some(other) = Self::of(layout, normal, members)
-                && other.members.len() == best.members.len()
+            if let Some(other) = Self::of(design, normal, terms)
+                && other.terms.len() == best.terms.len()
                 && other.log_evidence > best.log_evidence
             {
                 best = other;
@@ -242,30 +242,30 @@ impl Hypothesis {
         best
     }
 
-    /// Without one of its members.
-    pub fn without(&self, layout: &Layout, normal: &Normal, member: usize) -> Option<Self> {
-        let mut members = self.members.clone();
-        if member >= members.len() {
+    /// Without one of its terms.
+    pub fn without(&self, design: &Design, normal: &Normal, term: usize) -> Option<Self> {
+        let mut terms = self.terms.clone();
+        if term >= terms.len() {
             return None;
         }
-        members.remove(member);
-        Self::of(layout, normal, members)
+        terms.remove(term);
+        Self::of(design, normal, terms)
     }
 
-    /// Its members' ids, in alphabetical order.
-    pub fn names(&self, layout: &Layout) -> Vec<String> {
+    /// Its terms' ids, in alphabetical order.
+    pub fn names(&self, design: &Design) -> Vec<String> {
         let mut names: Vec<String> = self
-            .members
+            .terms
             .iter()
-            .filter_map(|m| layout.candidates.get(m.candidate).map(|c| c.id.to_owned()))
+            .filter_map(|m| design.candidates.get(m.candidate).map(|c| c.id.to_owned()))
             .collect();
         names.sort();
         names
     }
 
-    /// Fits the same members to other data.
-    pub fn refitted(&self, layout: &Layout, normal: &Normal) -> Option<Self> {
-        Self::of(layout, normal, self.members.clone())
+    /// Fits the same terms to other data.
+    pub fn refitted(&self, design: &Design, normal: &Normal) -> Option<Self> {
+        Self::of(design, normal, self.terms.clone())
     }
 }
 
@@ -290,22 +290,22 @@ mod tests {
             ..Lines::default()
         };
         let available = Available { body: true, bin_s: 0.04, ..Available::default() };
-        let layout =
-            Layout::of_effects(&reference, &reference.point(), &available, &["flexible_mode"], &lines);
-        let own = layout.candidates[0]
+        let design =
+            Design::of_effects(&reference, &reference.point(), &available, &["flexible_mode"], &lines);
+        let own = design.candidates[0]
             .options
             .iter()
             .flatten()
             .copied()
-            .find(|i| layout.columns[*i].origin.as_ref().is_some_and(|o| (o[3] - 2.5).abs() < 1e-9))
+            .find(|i| design.columns[*i].origin.as_ref().is_some_and(|o| (o[3] - 2.5).abs() < 1e-9))
             .unwrap();
         // The data know the square to +-6.
-        let mut normal = Normal::zeros(layout.columns.len());
+        let mut normal = Normal::zeros(design.columns.len());
         normal.matrix[(own, own)] = 1.0 / 36.0;
         normal.vector[own] = 40.0 / 36.0;
-        let base = Hypothesis::base(&layout, &normal).unwrap();
-        let found = base.with(&layout, &normal, 0).unwrap();
-        assert_eq!(found.members[0].columns, [own]);
+        let base = Hypothesis::base(&design, &normal).unwrap();
+        let found = base.with(&design, &normal, 0).unwrap();
+        assert_eq!(found.terms[0].columns, [own]);
         assert!((found.estimate.of(own) - 40.0).abs() < 6.0, "{}", found.estimate.of(own));
         assert!(found.log_evidence - base.log_evidence > 10.0);
     }

@@ -1,4 +1,4 @@
-//! Rhythms in what a model leaves, as they were found.
+//! Periodicities in the residual of a model, as they were found.
 
 use nalgebra::Vector3;
 

@@ -1,4 +1,4 @@
-//! What may explain the data: effects of the catalogue and how each can enter, laws without a name, lines and vibrations.
+//! What may explain the data: effects of the catalogue and how each can enter, unmodelled laws, lines and vibrations.
 
 pub(crate) mod candidates;
 pub(crate) mod hypothesis;

@@ -1,8 +1,8 @@
 //! Resonances that the platform's own motion drives: sloshing masses and flexible appendages.
 //!
-//! A lightly damped mode answers only near its own frequency, and a grid of a few frequencies misses it. Its
-//! answer is known but for frequency and damping: a second-order filter of the platform's angular
-//! acceleration. So what the model leaves of the gyro's readings is compared with that answer at every
+//! A lightly damped mode responds only near its own frequency, and a grid of a few frequencies misses it. Its
+//! response is known except for frequency and damping: a second-order filter of the platform's angular
+//! acceleration. So the residual of the gyro's readings is correlated with that response at every
 //! frequency the runs resolve, in the frequency domain, where each mode touches few bins. Phase and shape of
 //! the drive count, so that a mode is seen long before its line stands out of the spectrum.
 
@@ -35,7 +35,7 @@ struct Spectra {
 }
 
 fn spectra(place: Place<'_>, of: &Hypothesis) -> Vec<Spectra> {
-    let estimate = of.estimate.spread(place.layout.columns.len());
+    let estimate = of.estimate.spread(place.design.columns.len());
     let data = place.problem.runs.iter().zip(place.problem.motions.iter()).zip(&place.data.whitened);
     data.filter(|((run, _), _)| !run.clamped && run.nodes() >= 64)
         .map(|((run, motion), whitened)| {

@@ -1,15 +1,15 @@
-//! Laws that nobody has a formula for: functions of one recorded variable that act about an axis, along the rate, on
-//! a wheel, or in a sensor's reading.
+//! Unmodelled laws: functions of one recorded variable that act about an axis, along the rate, on a wheel, or in a
+//! sensor's reading.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::{Plant, PlatformModel};
 use whorl_math::{azimuth_rad, vertical_b};
 use whorl_prediction::Push;
 
+use crate::bins::motion::Motion;
+use crate::bins::run::{Run, Wheels};
+use crate::bins::torques::Torques;
 use crate::explanations::place::Place;
-use crate::layout::motion::Motion;
-use crate::layout::run::{Run, Wheels};
-use crate::layout::torques::Torques;
 
 /// A variable, and its shape as odd or even.
 pub(crate) struct Shape {
@@ -72,7 +72,7 @@ const FRICTION_KNOTS: u32 = 6;
 /// Scale of the lowest of them, as a share of the largest rate.
 const SLOWEST: f64 = 0.01;
 
-/// One column's torque, as a share of what was at work.
+/// One column's torque, as a share of the applied torque RMS.
 const SHARE: f64 = 0.02;
 
 /// What a law may depend on, at one instant.
@@ -80,7 +80,7 @@ pub(crate) struct At<'a> {
     run: &'a Run,
     /// The node at or before it.
     node: usize,
-    /// Since the start of the run \[s\], and of how long a time that is the beginning.
+    /// Time since the start of the run, and the run's duration \[s\].
     time_s: f64,
     length_s: f64,
     omega: Vector3<f64>,
@@ -132,7 +132,7 @@ impl<'a> At<'a> {
     }
 
     /// From -1 at the beginning of the run to 1 at its end.
-    fn late(&self) -> f64 {
+    fn time_in_run(&self) -> f64 {
         let first_s = self.run.time(0);
         let whole_s = self.run.time(self.run.nodes().saturating_sub(1)) - first_s;
         2.0 * (self.time_s - first_s) / whole_s.max(1e-9) - 1.0
@@ -271,8 +271,8 @@ pub(crate) fn shapes(place: Place<'_>) -> Vec<Vec<Shape>> {
             shape(Box::new(speed)),
             shape(Box::new(move |at| speed(at) / speed(at).hypot(0.02))),
             shape(Box::new(move |at| speed(at).powi(3))),
-            shape(Box::new(move |at| speed(at) * at.late())),
-            shape(Box::new(move |at| speed(at) * at.late().powi(2))),
+            shape(Box::new(move |at| speed(at) * at.time_in_run())),
+            shape(Box::new(move |at| speed(at) * at.time_in_run().powi(2))),
         ]);
     }
     if problem.runs.iter().any(|run| run.jet_pulses.iter().any(|pulses| !pulses.is_empty())) {
@@ -308,8 +308,8 @@ pub(crate) fn shapes(place: Place<'_>) -> Vec<Vec<Shape>> {
     groups
 }
 
-/// Thrust that depends on how many jets are open, and edges of pulses that are elsewhere than they are recorded, all the time or more
-/// and more.
+/// Thrust that depends on how many jets are open, and pulse edges whose times differ from the recorded ones, by a constant or a
+/// growing amount.
 fn of_jets() -> Vec<Vec<Shape>> {
     let shape = |variable: &str, of: Jets, value: Value| Shape {
         variable: variable.to_owned(),
@@ -320,7 +320,7 @@ fn of_jets() -> Vec<Vec<Shape>> {
         way: Way::Jets(of),
     };
     let edges = |variable: &str, of: Jets| {
-        vec![shape(variable, of, Box::new(|_| 1.0)), shape(variable, of, Box::new(|at| at.late()))]
+        vec![shape(variable, of, Box::new(|_| 1.0)), shape(variable, of, Box::new(|at| at.time_in_run()))]
     };
     vec![
         vec![shape("jets_open", Jets::Open, Box::new(|at| (at.open - 1.0).max(0.0)))],
@@ -444,7 +444,7 @@ impl Shape {
     }
 }
 
-/// What a column adds at an instant where its size is 1: a share of the torque that was at work, a turn of 1e-3 rad; for the gyro, the
+/// What a column adds at an instant where its size is 1: a share of the applied torque RMS, a turn of 1e-3 rad; for the gyro, the
 /// reading at which a dead band of the shape's width would leave nothing.
 pub(crate) fn push(groups: &[Vec<Shape>], column: &Column, at: &At<'_>, torques: &Torques) -> Push {
     let Some(shape) = groups.get(column.group).and_then(|g| g.get(column.shape)) else {

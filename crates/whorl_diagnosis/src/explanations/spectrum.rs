@@ -12,7 +12,7 @@ use crate::explanations::place::Place;
 /// Lines looked at, strongest first.
 const MOST_LINES: usize = 2;
 
-/// Lines that a regression of their own weighs before they are looked at, at most.
+/// Most lines that are evaluated by a regression of their own before they are looked at.
 const MOST_FAINT: usize = 6;
 
 /// Standard deviations from which on a peak is a line at all.
@@ -40,9 +40,9 @@ pub(crate) struct Peak {
 }
 
 /// Finds lines in the whitened residual of the gyro, about axes of the room and of the body: torques that
-/// have a rhythm of their own, or that of a wheel.
+/// have a frequency of their own, or that of a wheel.
 pub(crate) fn lines(place: Place<'_>, of: &Hypothesis) -> Lines {
-    let estimate = of.estimate.spread(place.layout.columns.len());
+    let estimate = of.estimate.spread(place.design.columns.len());
     // Of each run: the residual at every node about axes of the body, and of each wheel's speed.
     let mut residuals: Vec<Residual> = Vec::new();
     let wheels = place.problem.reference.model.wheels().len();
@@ -168,7 +168,7 @@ fn wheel_orders(place: Place<'_>, residuals: &[Residual]) -> Vec<(usize, f64, f6
         for (grid, residual) in gridded.iter().zip(residuals) {
             spectrum.add_of(grid, residual.rate.len() as f64, 1.0);
         }
-        // Slower than a few cycles a run is no rhythm of the wheel.
+        // Slower than a few cycles a run is no periodicity of the wheel.
         for peak in spectrum.peaks(step_turns, 8.0 / fewest_turns) {
             if peak.frequency < HIGHEST_ORDER {
                 found.push((wheel, peak.frequency, peak.significance));
@@ -218,7 +218,7 @@ impl Spectrum {
         }
     }
 
-    /// Peaks that stand out of their surroundings, from frequency `from` on.
+    /// Peaks that stand out of the spectrum beside them, from frequency `from` on.
     pub fn peaks(&self, step: f64, from: f64) -> Vec<Peak> {
         let power = &self.power;
         let mut peaks = Vec::new();
@@ -234,7 +234,7 @@ impl Spectrum {
             }
             let (low, high) = (m.saturating_sub(40).max(1), (m + 41).min(power.len()));
             let median = median(power[low..high].iter().copied());
-            // Noise alone: a sum of exponential variates of mean 1. Louder surroundings count as noise.
+            // Noise alone: a sum of exponential variates of mean 1. A louder spectrum on both sides counts as noise.
             let level = (median / (degrees - 1.0 / 3.0)).max(1.0);
             let significance = gamma_significance(here / level, degrees);
             if significance < NOTICED {

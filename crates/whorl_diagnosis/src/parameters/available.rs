@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use whorl_dynamics::Effect;
 use whorl_dynamics::effects::Need;
 
-use crate::layout::run::Run;
+use crate::bins::run::Run;
 
 /// What the recordings hold, as far as it decides which effects can be tested.
 #[derive(Debug, Clone, Copy, Default)]

@@ -91,22 +91,26 @@ fn base_effects(model: &PlatformModel) -> Vec<&'static dyn Effect> {
 pub(crate) struct Reference {
     pub model: PlatformModel,
     pub prior: ModelPrior,
-    /// Recordings are laid out with stamps of the inertial unit late by so much more than the model's sensors say:
+    /// Recordings are laid out with this latency of the inertial unit's stamps beyond that of the model's sensors:
     /// near it, readings need not be extrapolated \[s\].
-    pub late_s: f64,
+    pub extra_latency_s: f64,
     pub settings: Settings,
 }
 
 impl Reference {
     pub fn new(model: &PlatformModel, prior: &ModelPrior) -> Self {
-        let mut reference =
-            Self { model: model.clone(), prior: prior.clone(), late_s: 0.0, settings: Settings::default() };
-        reference.late_s = reference.late_at_s(&reference.point());
+        let mut reference = Self {
+            model: model.clone(),
+            prior: prior.clone(),
+            extra_latency_s: 0.0,
+            settings: Settings::default(),
+        };
+        reference.extra_latency_s = reference.extra_latency_at_s(&reference.point());
         reference
     }
 
-    /// How much later than the model's sensors say the inertial unit is at a point \[s\].
-    pub fn late_at_s(&self, point: &Point) -> f64 {
+    /// Latency of the inertial unit beyond that of the model's sensors at a point \[s\].
+    pub fn extra_latency_at_s(&self, point: &Point) -> f64 {
         catalogue().iter().filter_map(|effect| effect.imu_latency_s(&self.values_at(point, *effect))).sum()
     }
 

@@ -1,9 +1,9 @@
 //! Fits sets of effects where they fit best, and remembers how well.
 //!
-//! A first regression is taken where an effect is absent. There, a lag looks like a delay, a resonance has
-//! whatever frequency the grid offered, and a signal extrapolated back to nothing from a point far away has
-//! any size. So sets that compete are each fitted by Gauss-Newton steps with motion and sensitivities made
-//! anew, and compared by their evidence there (Laplace's approximation at its own maximum).
+//! The first regression is linearised where an effect is absent. There, a lag looks like a delay, a resonance has
+//! the frequency of a grid point, and a signal extrapolated far to zero may have any size. So competing sets are each
+//! fitted by Gauss-Newton steps, with motion and sensitivities computed anew at every step, and compared by their
+//! evidence at their own optimum (Laplace's approximation).
 
 use std::sync::Arc;
 
@@ -11,21 +11,21 @@ use nalgebra::DVector;
 use whorl_dynamics::effects::find;
 
 use crate::DiagnosisError;
-use crate::evidence::colour::{Colours, alike};
+use crate::bins::motion::Motion;
+use crate::bins::run::Run;
+use crate::evidence::ar_noise::{ArModels, alike};
 use crate::evidence::nuisance::Nuisance;
-use crate::evidence::problem::{Dataset, Problem, Trust};
+use crate::evidence::problem::{Dataset, Problem, ProcessNoise};
 use crate::evidence::regression::{Estimate, Normal};
-use crate::explanations::candidates::Layout;
-use crate::explanations::hypothesis::{Hypothesis, Member};
+use crate::explanations::candidates::Design;
+use crate::explanations::hypothesis::{Hypothesis, Term};
 use crate::explanations::lines::Lines;
 use crate::explanations::physical::between;
-use crate::layout::motion::Motion;
-use crate::layout::run::Run;
 use crate::parameters::Point;
 use crate::search::Search;
-use crate::search::climb::{Noise, Sizes};
+use crate::search::noise_optimisation::{Noise, Sizes};
 use crate::search::prior::of_other_law;
-use crate::search::standing::{BENT, Converged};
+use crate::search::score::{BENT, Converged};
 use crate::search::step::{dataset, point_of};
 
 /// Steps of a fit, those taken back included.
@@ -45,48 +45,48 @@ pub(crate) struct Descended {
     /// Whitened misfit of the training data, prior's penalty included.
     pub misfit: f64,
     /// By how much a further step would lower the misfit.
-    pub promise: f64,
+    pub predicted_decrease: f64,
     /// Noise that the steps were taken with.
     pub nuisance: Nuisance,
     pub point: Point,
     pub motions: Arc<Vec<Motion>>,
-    pub layout: Layout,
-    pub members: Vec<Member>,
+    pub design: Design,
+    pub terms: Vec<Term>,
     /// Errors of formulas not integrated out.
     pub data: Dataset,
 }
 
-/// Where a fit begins.
+/// The initial guess of a fit.
 #[derive(Clone)]
-pub(super) struct Begin {
+pub(super) struct InitialGuess {
     pub point: Point,
-    pub layout: Layout,
-    pub members: Vec<Member>,
+    pub design: Design,
+    pub terms: Vec<Term>,
 }
 
 /// Misfit at a point itself, not where the regression's minimum is, and that point. Where an effect's shape is
 /// fitted, all else follows it to where it fits best (variable projection, Golub and Pereyra 1973): a static
-/// deflection that goes with a frequency must not be charged to a gravity offset that has not moved yet. So it does if it
-/// `follows` in any case: to further data.
+/// deflection that goes with a frequency must not be charged to a gravity offset that has not moved yet. `follows`: they
+/// follow in any case, as needed for further data.
 pub(crate) fn at_itself(
     search: &Search<'_>,
-    layout: &Layout,
+    design: &Design,
     total: &Normal,
     fit: &Hypothesis,
     point: &Point,
     follows: bool,
 ) -> Option<(f64, Point)> {
     let reference = &search.problem.reference;
-    let variances = fit.variances(layout);
+    let variances = fit.variances(design);
     let variance = |i: usize| variances[i].max(1e-12);
     let (shapes, others): (Vec<usize>, Vec<usize>) =
-        fit.estimate.active.iter().partition(|i| layout.columns[**i].is_shape);
+        fit.estimate.active.iter().partition(|i| design.columns[**i].is_shape);
     let follows = follows || !shapes.is_empty();
-    let mut at = DVector::zeros(layout.columns.len());
+    let mut at = DVector::zeros(design.columns.len());
     let mut penalty = 0.0;
     // What has left the fit stays where it is, too.
-    for i in (0..layout.columns.len()).filter(|i| !(follows && others.contains(i))) {
-        at[i] = reference.distance(point, &layout.columns[i]);
+    for i in (0..design.columns.len()).filter(|i| !(follows && others.contains(i))) {
+        at[i] = reference.distance(point, &design.columns[i]);
         if fit.estimate.active.contains(&i) {
             penalty += at[i] * at[i] / variance(i);
         }
@@ -101,7 +101,7 @@ pub(crate) fn at_itself(
     let followed = Estimate::new(&left, &others, variance)?;
     let mut there = point.clone();
     for &i in &others {
-        let column = &layout.columns[i];
+        let column = &design.columns[i];
         there = reference.moved(&there, column, followed.of(i) - reference.distance(point, column));
     }
     Some((left.sum_of_squares - followed.drop + penalty, reference.towards(point, there)))
@@ -110,7 +110,7 @@ pub(crate) fn at_itself(
 impl Search<'_> {
     /// Fits a set that holds in the present regression where it fits best. `None` if it cannot stand there.
     pub(crate) fn converge(&self, start: &Hypothesis) -> Result<Option<Converged>, DiagnosisError> {
-        let noise = if start.members.is_empty() { self.problem.nuisance } else { Nuisance::default() };
+        let noise = if start.terms.is_empty() { self.problem.nuisance } else { Nuisance::default() };
         self.converge_towards(start, noise, f64::NEG_INFINITY, self.problem.threads)
     }
 
@@ -119,8 +119,8 @@ impl Search<'_> {
         self.converge_towards(start, Nuisance::default(), f64::NEG_INFINITY, self.problem.threads)
     }
 
-    /// As [`Self::converge`], from this noise: beside the noise that another set needs, a fit may see nothing of this one,
-    /// and then the noise stays. Given up where it is, once it cannot come to a log evidence of `least` of the training data.
+    /// As [`Self::converge`], from this noise: with the noise that another set needs, a fit may not see this set at all, and
+    /// then the noise stays. The fit is given up once it cannot come to a log evidence of `least` of the training data.
     fn converge_towards(
         &self,
         start: &Hypothesis,
@@ -129,37 +129,37 @@ impl Search<'_> {
         threads: usize,
     ) -> Result<Option<Converged>, DiagnosisError> {
         let ids: Vec<&'static str> = start
-            .members
+            .terms
             .iter()
-            .filter_map(|m| self.layout.candidates.get(m.candidate).map(|c| c.id))
+            .filter_map(|m| self.design.candidates.get(m.candidate).map(|c| c.id))
             .collect();
         // Along a motion of its own.
         let mut problem = self.problem.clone();
         problem.threads = threads;
         problem.nuisance = noise;
-        let from = self.begin(start, &ids);
+        let from = self.initial_guess(start, &ids);
         let found = self.fitted_with(problem.clone(), from.clone(), &ids, least, Sizes::Any)?;
-        let is_beside_torque = |found: &Converged| problem.is_large(found.standing.nuisance);
+        let is_beside_torque = |found: &Converged| problem.is_large(found.score.nuisance);
         let found = match found {
             Some(found) if !ids.is_empty() && is_beside_torque(&found) => found,
             other => return Ok(other),
         };
-        // What a set's formulas leave looks like a random torque.
+        // The misspecification leakage of a set looks like a random torque.
         let alone = self.fitted_with(problem, from, &ids, f64::NEG_INFINITY, Sizes::Background)?;
-        let base = self.standing(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
-        let is_echo = |alone: &Converged| {
-            let explained = f64::max(alone.standing.log_evidence - base, 0.0);
-            found.standing.log_evidence - alone.standing.log_evidence
+        let base = self.score(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
+        let is_leakage = |alone: &Converged| {
+            let explained = f64::max(alone.score.log_evidence - base, 0.0);
+            found.score.log_evidence - alone.score.log_evidence
                 <= of_other_law(&self.options.settings) * explained
         };
-        Ok(Some(alone.filter(is_echo).unwrap_or(found)))
+        Ok(Some(alone.filter(is_leakage).unwrap_or(found)))
     }
 
     /// A set where it fits best with noise of these sizes, and what it is worth there.
     pub(super) fn fitted_with(
         &self,
         mut problem: Problem,
-        from: Begin,
+        from: InitialGuess,
         ids: &[&'static str],
         least: f64,
         sizes: Sizes,
@@ -167,36 +167,38 @@ impl Search<'_> {
         let Some((descended, noise)) = self.turns(&mut problem, from, ids, least, sizes)? else {
             return Ok(None);
         };
-        Ok(DiagnosisError::possible(self.weighed(descended, noise, &problem))?.flatten())
+        Ok(DiagnosisError::possible(self.evaluated(descended, noise, &problem))?.flatten())
     }
 
-    /// Fits of a set by turns with the noise that is likeliest where the last one ended, and the noise where the last ended.
+    /// Alternates fits of a set with optimisations of the noise; returns the last fit and the noise that is likeliest there.
     fn turns(
         &self,
         problem: &mut Problem,
-        mut from: Begin,
+        mut from: InitialGuess,
         ids: &[&'static str],
         least: f64,
         sizes: Sizes,
     ) -> Result<Option<(Descended, Noise)>, DiagnosisError> {
         let mut last: Option<(Descended, Noise)> = None;
         // What another set needed may be needed here.
-        let of_others: Vec<Nuisance> = self.fitted.values().map(|set| set.standing.nuisance).collect();
+        let of_others: Vec<Nuisance> = self.fitted.values().map(|set| set.score.nuisance).collect();
         // Less noise makes a fit sharper, and a sharper fit leaves less noise.
-        let mut colours = (problem.nuisance == Nuisance::default()).then(|| self.sharp.clone());
+        let mut ar_models = (problem.nuisance == Nuisance::default()).then(|| self.sharp.clone());
         for turn in 0..MOST_TURNS {
-            let Some(descended) = self.descend(problem, from, ids, least, turn == 0, colours)? else { break };
+            let Some(descended) = self.descend(problem, from, ids, least, turn == 0, ar_models)? else {
+                break;
+            };
             problem.motions = Arc::clone(&descended.motions);
             let noise = problem.likeliest_noise(&descended.point, &of_others, sizes)?;
-            from = Begin {
+            from = InitialGuess {
                 point: descended.point.clone(),
-                layout: descended.layout.clone(),
-                members: descended.members.clone(),
+                design: descended.design.clone(),
+                terms: descended.terms.clone(),
             };
             let is_settled =
-                problem.nuisance == noise.sizes && alike(&descended.data.colours, &noise.colours);
+                problem.nuisance == noise.sizes && alike(&descended.data.ar_models, &noise.ar_models);
             problem.nuisance = noise.sizes;
-            colours = Some(noise.colours.clone());
+            ar_models = Some(noise.ar_models.clone());
             last = Some((descended, noise));
             if is_settled {
                 break;
@@ -220,11 +222,11 @@ impl Search<'_> {
         .collect()
     }
 
-    /// Where a set that holds in the present regression begins its fit.
-    fn begin(&self, start: &Hypothesis, ids: &[&'static str]) -> Begin {
-        let mut point = point_of(self.problem, &self.layout, &self.point, start);
+    /// The initial guess for the fit of a set that holds in the present regression.
+    fn initial_guess(&self, start: &Hypothesis, ids: &[&'static str]) -> InitialGuess {
+        let mut point = point_of(self.problem, &self.design, &self.point, start);
         self.keep_only(&mut point, ids);
-        Begin { point, layout: self.layout.clone(), members: start.members.clone() }
+        InitialGuess { point, design: self.design.clone(), terms: start.terms.clone() }
     }
 
     /// Effects that have left a set leave its point.
@@ -240,60 +242,61 @@ impl Search<'_> {
     fn descend(
         &self,
         problem: &mut Problem,
-        from: Begin,
+        from: InitialGuess,
         ids: &[&'static str],
         least: f64,
         is_first: bool,
-        mut colours: Option<Colours>,
+        mut ar_models: Option<ArModels>,
     ) -> Result<Option<Descended>, DiagnosisError> {
         let settings = &self.options.settings;
-        let Begin { mut point, mut layout, mut members } = from;
-        let entered_as_place = members.last().is_some_and(|m| {
-            let of_last = m.columns.iter().filter_map(|i| layout.columns.get(*i));
+        let InitialGuess { mut point, mut design, mut terms } = from;
+        let entered_as_place = terms.last().is_some_and(|m| {
+            let of_last = m.columns.iter().filter_map(|i| design.columns.get(*i));
             of_last.clone().any(|c| c.origin.is_some()) && of_last.flat_map(|c| &c.step).all(|s| *s == 0.0)
         });
         let mut best: Option<Descended> = None;
         let (mut share, mut target): (f64, Option<Point>) = (1.0, None);
         // A set that holds the present best one starts from there, with a misfit that is known.
         let (anchor, first) = (self.point.clone(), point.clone());
-        let of_best = self.best.names(&self.layout);
+        let of_best = self.best.names(&self.design);
         let holds_best = is_first && of_best.iter().all(|own| ids.contains(&own.as_str()));
         let mut allowed = self
-            .standing(&self.best)
+            .score(&self.best)
             .filter(|s| holds_best && s.nuisance == problem.nuisance)
             .map_or(f64::INFINITY, |s| s.misfit + settings.clear_misfit);
-        // What the last good step promised.
-        let mut promise = 0.0;
+        // Predicted decrease of the last good step.
+        let mut predicted_decrease = 0.0;
         for step in 0..MOST_STEPS {
-            let trust = if is_first && step == 0 { Trust::AsDataSay } else { Trust::AsBefore };
+            let process_noise =
+                if is_first && step == 0 { ProcessNoise::Estimated } else { ProcessNoise::Previous };
             let here =
-                Layout::of_effects(&self.problem.reference, &point, &self.available, ids, &Lines::default());
-            let smoothed = problem.smooth(&point, trust);
-            let made = smoothed.and_then(|()| dataset(problem, &point, &here, colours.clone()));
+                Design::of_effects(&self.problem.reference, &point, &self.available, ids, &Lines::default());
+            let smoothed = problem.smooth(&point, process_noise);
+            let made = smoothed.and_then(|()| dataset(problem, &point, &here, ar_models.clone()));
             let Some(data) = DiagnosisError::possible(made)? else { break };
-            // Misfits compare beside the same colours.
-            colours = Some(data.colours.clone());
-            members = members.iter().filter_map(|m| m.carried(&layout, &here)).collect();
-            layout = here;
-            let (total, gained) = problem.integrated(&data, &point, &layout, self.relative_error);
-            let Some(mut fit) = Hypothesis::of(&layout, &total, members.clone()) else { break };
-            if fit.members.len() < ids.len() {
+            // Misfits are comparable only with the same AR models.
+            ar_models = Some(data.ar_models.clone());
+            terms = terms.iter().filter_map(|m| m.carried(&design, &here)).collect();
+            design = here;
+            let (total, gained) = problem.integrated(&data, &point, &design, self.relative_error);
+            let Some(mut fit) = Hypothesis::of(&design, &total, terms.clone()) else { break };
+            if fit.terms.len() < ids.len() {
                 break;
             }
-            // A place on a grid has become a value: how far it is from neutral, no column has said before.
+            // The effect entered at a grid point; now it has a value, and its distance from neutral is known for the first time.
             if step == 0 && entered_as_place {
-                fit = fit.resized(&layout, &total);
-                members.clone_from(&fit.members);
+                fit = fit.resized(&design, &total);
+                terms.clone_from(&fit.terms);
             }
-            let Some((misfit, here)) = at_itself(self, &layout, &total, &fit, &point, false) else {
+            let Some((misfit, here)) = at_itself(self, &design, &total, &fit, &point, false) else {
                 break;
             };
-            // What has not come round once in any run is a drift, and periodic by name only.
+            // A periodic torque with less than one period in every run is a drift.
             if !self.comes_round(&here) {
                 return Ok(None);
             }
-            // What the best set has found must not be lost on the way to a larger one: a contact's blows, say, are
-            // far from linear in all else.
+            // A larger set must not lose what the best set explains on the way: a contact's blows, for example, are far from
+            // linear in all other parameters.
             if best.is_none() && misfit > allowed {
                 share *= 0.4;
                 point = between(&anchor, &first, share);
@@ -307,7 +310,7 @@ impl Search<'_> {
             if misfit > last + 2.0 * settings.converged_nats {
                 share *= 0.4;
                 // A share s of a step to the minimum of a parabola brings 1 - (1 - s)^2 of what the whole does.
-                if share * (2.0 - share) * promise < 2.0 * settings.converged_nats {
+                if share * (2.0 - share) * predicted_decrease < 2.0 * settings.converged_nats {
                     break;
                 }
                 let Some((back, target)) = best.as_ref().map(|b| &b.point).zip(target.as_ref()) else {
@@ -317,26 +320,26 @@ impl Search<'_> {
                 continue;
             }
             share = (1.6 * share).min(1.0);
-            let promised = misfit - (total.sum_of_squares - fit.estimate.drop);
-            // Occam's factor and the price of choices, beside the likelihood.
+            let predicted = misfit - (total.sum_of_squares - fit.estimate.drop);
+            // Occam's factor and the log-prior penalty of choices, beside the likelihood.
             let factor = fit.log_evidence - 0.5 * fit.estimate.drop + data.log_density + gained;
-            let next = point_of(self.problem, &layout, &point, &fit);
+            let next = point_of(self.problem, &design, &point, &fit);
             let log_evidence = factor - 0.5 * misfit;
-            promise = promised;
+            predicted_decrease = predicted;
             best = Some(Descended {
-                names: fit.names(&layout),
+                names: fit.names(&design),
                 log_evidence,
                 misfit,
-                promise: promised.max(0.0),
+                predicted_decrease: predicted.max(0.0),
                 nuisance: problem.nuisance,
                 point: here.clone(),
                 motions: Arc::clone(&problem.motions),
-                layout: layout.clone(),
-                members: fit.members.clone(),
+                design: design.clone(),
+                terms: fit.terms.clone(),
                 data,
             });
-            if promised < 2.0 * settings.converged_nats
-                || log_evidence + BENT * 0.5 * promised + settings.doubt_nats < least
+            if predicted < 2.0 * settings.converged_nats
+                || log_evidence + BENT * 0.5 * predicted + settings.doubt_nats < least
             {
                 break;
             }

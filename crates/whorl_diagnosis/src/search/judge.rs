@@ -1,4 +1,4 @@
-//! An answer lowers the error, or is none: whether a set of effects makes the readings themselves likelier.
+//! Tests sets of effects on the samples: a set is an answer only if it makes the readings themselves likelier.
 //!
 //! Bins of a smoothed motion serve to find what may be missing, and first values. Within a bin a controller answers to the noise
 //! of the readings, and a motion that is smoothed wrongly bends every formula along it: a set that explains the bins may therefore
@@ -14,21 +14,21 @@ use whorl_prediction::{
 use whorl_recording::Recording;
 
 use crate::explanations::candidates::effect;
-use crate::explanations::hypothesis::Member;
+use crate::explanations::hypothesis::Term;
 use crate::parameters::available::Available;
 use crate::refit::{Entered, Fit, Refit};
 use crate::search::Search;
 use crate::search::prior::log_prior;
 use crate::search::sampled::entered;
-use crate::search::standing::{Converged, Judged, JudgedFit, Likelihoods};
+use crate::search::score::{Converged, Judged, JudgedFit, Likelihoods};
 use crate::{DiagnosisError, Progress};
 
 /// Sets that are judged at most, besides that of no effects.
 const MOST_JUDGED: usize = 12;
-/// Sets of so many effects the samples add none to.
+/// To sets of so many effects the samples add no further one.
 const MOST_EFFECTS: usize = 3;
 
-/// Levels of noise are found anew so often at most. It bounds work: how far from the likeliest a fit may end by it was not measured.
+/// Most updates of the noise levels in a fit. It bounds the work; how far from the optimum a fit may end because of it was not measured.
 const ROUNDS: usize = 3;
 
 /// Recordings that sets are fitted to and tried on.
@@ -39,7 +39,7 @@ pub(crate) struct Judge<'a> {
     pub threads: usize,
 }
 
-/// What sets are judged beside.
+/// The reference against which sets are judged: the platform alone.
 pub(crate) struct Judgement<'a> {
     judge: Judge<'a>,
     base: Alone,
@@ -58,7 +58,7 @@ struct Alone {
 }
 
 impl Search<'_> {
-    /// Judges that of no effects, then sets with an effect more that the samples ask for. `None` where no filter can be run.
+    /// Judges the set of no effects, then sets with one effect more that the samples propose. `None` where no filter can be run.
     pub(crate) fn judge_first<'j>(
         &mut self,
         judge: Judge<'j>,
@@ -69,15 +69,14 @@ impl Search<'_> {
         let mut judgement = Judgement { judge, base, left: MOST_JUDGED };
         self.judge_asked_for(&mut judgement)?;
         let most = self.most_probable_judged();
-        let of_both =
-            most.and_then(|most| Some((most.standing.log_evidence, *self.of_bins.get(&most.names)?)));
+        let of_both = most.and_then(|most| Some((most.score.log_evidence, *self.of_bins.get(&most.names)?)));
         self.samples_over_bins = of_both.map_or(0.0, |(of_samples, of_bins)| of_samples - of_bins);
         Ok(Some(judgement))
     }
 
     /// Judges what bins propose as far as the samples do not rule it out: the most probable sets, and parts of them while they are more
     /// probable.
-    pub(crate) fn judge_rest(
+    pub(crate) fn judge_remaining(
         &mut self,
         judgement: Option<Judgement<'_>>,
         progress: &mut dyn FnMut(Progress),
@@ -106,7 +105,7 @@ impl Search<'_> {
         self.settle_most_probable()
     }
 
-    /// Judges sets with an effect more that the samples ask for beside the most probable set that was judged, until none of them is more
+    /// Judges sets with one effect more than the most probable judged set, as the samples propose them, until none of these is more
     /// probable.
     fn judge_asked_for(&mut self, judgement: &mut Judgement<'_>) -> Result<(), DiagnosisError> {
         while let Some(most) = self.most_probable_judged().cloned() {
@@ -154,17 +153,17 @@ impl Search<'_> {
         judged.max_by(|a, b| a.log_posterior().total_cmp(&b.log_posterior()))
     }
 
-    /// A set is as sure as the samples say, and where bins see it no surer than they say: fits to samples end where a stop that is
-    /// touched makes the likelihood jump, fits in bins where formulas are wrong.
+    /// A set has the log evidence of the samples, and where it shows in the bins not more than theirs: a fit to samples may end early
+    /// where a stop that is touched makes the likelihood jump, a fit to bins where formulas are wrong.
     fn set_judged(&mut self, mut set: Converged, found: Judged) {
         let base = self.fitted.get(&Vec::new());
         let of_base =
-            base.and_then(|base| Some((base.standing.log_evidence, &base.judged.as_ref()?.likelihoods)));
+            base.and_then(|base| Some((base.score.log_evidence, &base.judged.as_ref()?.likelihoods)));
         if let Some((log_evidence, base)) = of_base {
             let of_samples = found.likelihoods.gain(base);
             let of_bins = self.of_bins.get(&set.names).map(|of_set| of_set - log_evidence);
             let seen = of_bins.filter(|gain| *gain > self.options.settings.doubt_nats);
-            set.standing.log_evidence = log_evidence + seen.map_or(of_samples, |gain| gain.min(of_samples));
+            set.score.log_evidence = log_evidence + seen.map_or(of_samples, |gain| gain.min(of_samples));
         }
         set.point = found.fit.refit(&self.problem.reference).point(&found.fit.fitted.at);
         set.judged = Some(found);
@@ -191,8 +190,8 @@ impl Search<'_> {
         Ok(Some(alone))
     }
 
-    /// The most probable set; if it was judged that without its weakest member. What bins of a smoothed motion
-    /// need beside the true effect the samples may do without.
+    /// The most probable set, or if that was judged, the same without its weakest term: the bins of a smoothed motion may need
+    /// effects beside the true one that the samples do not need.
     fn next_to_judge(&self) -> Option<Converged> {
         let most = self.most_probable().filter(|set| !set.names.is_empty())?;
         let Some(judged) = &most.judged else { return Some(most.clone()) };
@@ -201,18 +200,18 @@ impl Search<'_> {
         let known = self.fitted.get(&names).cloned();
         let set = known.unwrap_or_else(|| {
             let mut set = Converged { names: names.clone(), judged: None, ..most.clone() };
-            let id = |member: &Member| set.layout.candidates.get(member.candidate).map(|c| c.id);
-            let is_kept = |member: &Member| id(member).is_some_and(|id| names.iter().any(|name| name == id));
-            let members: Vec<Member> = set.members.iter().filter(|m| is_kept(m)).cloned().collect();
-            let ids: Vec<&'static str> = members.iter().filter_map(id).collect();
-            set.members = members;
+            let id = |term: &Term| set.design.candidates.get(term.candidate).map(|c| c.id);
+            let is_kept = |term: &Term| id(term).is_some_and(|id| names.iter().any(|name| name == id));
+            let terms: Vec<Term> = set.terms.iter().filter(|m| is_kept(m)).cloned().collect();
+            let ids: Vec<&'static str> = terms.iter().filter_map(id).collect();
+            set.terms = terms;
             self.keep_only(&mut set.point, &ids);
             set
         });
         set.judged.is_none().then_some(set)
     }
 
-    /// Beside sets that were judged none is believed that was not: bins may promise more than the samples hold.
+    /// Drops sets that were not judged and would compete with judged ones: bins may predict more than the samples show.
     fn forget_what_was_not_judged(&mut self) {
         while let Some(set) = self.next_rival() {
             self.forget(&set.names);
@@ -303,14 +302,14 @@ impl Judgement<'_> {
                 - log_prior(&set.names, &search.options.settings),
         };
         let fitted = judge.likeliest(&refit, &[found, beside, without], rival)?;
-        // Where nothing is gained held-out recordings say nothing of it.
+        // A set that gains nothing needs no test on held-out recordings.
         let gains = fitted.log_posterior > alone.fit.fitted.log_posterior;
         let likelihoods = if gains {
             likelihoods(&fitted, &judge.follow_held_out(&refit, &fitted.at, &alone.held_out)?)
         } else {
             likelihoods(&fitted, &alone.held_out)
         };
-        // How many deviations an effect is from none.
+        // Distance of an effect from zero, in standard deviations.
         let distance = |id: &str| {
             let own =
                 refit.columns.iter().enumerate().filter(|(_, column)| column.group == id && !column.is_shape);
@@ -332,6 +331,6 @@ fn likelihoods(fitted: &Fitted, held_out: &[Followed]) -> Likelihoods {
     Likelihoods {
         training: fitted.log_evidence,
         held_out: (!held_out.is_empty()).then_some(held_log),
-        numbers: all.map(|run| run.likelihood_alone.numbers).sum(),
+        numbers: all.map(|run| run.undisturbed_likelihood.numbers).sum(),
     }
 }

@@ -1,16 +1,16 @@
-//! Inertial units that are late by more than pulses last.
+//! Inertial units with a latency longer than pulses.
 //!
-//! Readings are compared with the motion at their stamps, and extrapolated where they are late. The further, the less
-//! the first regressions see of it, and the more a valve that answers late looks the same. Once a latency is a good
-//! explanation, the recordings are laid out anew with stamps set back by it, and searched again.
+//! Readings are compared with the motion at their stamps, extrapolated by the latency. The longer the latency, the less
+//! the first regressions show of it, and the more a delay of the valves looks the same. Once a latency is a good
+//! explanation, the recordings are divided into bins anew with stamps set back by it, and searched again.
 
 use whorl_dynamics::effects::find;
 
 use crate::Settings;
 use crate::search::Search;
-use crate::search::standing::Standing;
+use crate::search::score::Score;
 
-/// Latency far from that with which recordings were laid out \[s\].
+/// Difference from the latency used for the bins above which new bins are worth it \[s\].
 const FAR_S: f64 = 2e-3;
 
 /// Whether a set holds an effect that delays the inertial unit.
@@ -20,17 +20,17 @@ fn holds_latency(names: &[String]) -> bool {
 
 /// A set with an inertial latency.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Lateness {
-    members: usize,
+pub(crate) struct SetWithLatency {
+    terms: usize,
     log_evidence: f64,
-    late_s: f64,
+    extra_latency_s: f64,
 }
 
 /// What a search found of the inertial unit's latency.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Late {
+pub(crate) struct FoundLatency {
     /// Latency beyond the model's sensors where a set that holds it fits best \[s\].
-    late_s: Option<f64>,
+    extra_latency_s: Option<f64>,
     /// Log evidence of the best such set, of the best set of all, and of nothing missing.
     with: f64,
     best: f64,
@@ -41,35 +41,35 @@ pub(crate) struct Late {
     holds_latency: bool,
 }
 
-impl Late {
+impl FoundLatency {
     pub fn of(search: &Search<'_>) -> Self {
-        let evidence = |standing: Option<Standing>| standing.map(|s| s.log_evidence);
-        let base = evidence(search.standing(&search.base)).unwrap_or(search.base.log_evidence);
-        let best = evidence(search.standing(&search.best)).unwrap_or(search.best.log_evidence);
+        let evidence = |score: Option<Score>| score.map(|s| s.log_evidence);
+        let base = evidence(search.score(&search.base)).unwrap_or(search.base.log_evidence);
+        let best = evidence(search.score(&search.best)).unwrap_or(search.best.log_evidence);
         let others = search.fitted.values().filter(|c| !holds_latency(&c.names));
-        let rival = others.map(|c| c.standing.log_evidence).fold(base, f64::max);
-        let holds_latency = holds_latency(&search.best.names(&search.layout));
-        let with = if holds_latency { best } else { search.late.map_or(base, |late| late.log_evidence) };
-        let late_s = search.late.map(|late| late.late_s);
-        Self { late_s, with, best, base, lead: with - rival, holds_latency }
+        let rival = others.map(|c| c.score.log_evidence).fold(base, f64::max);
+        let holds_latency = holds_latency(&search.best.names(&search.design));
+        let with = if holds_latency { best } else { search.latency.map_or(base, |set| set.log_evidence) };
+        let extra_latency_s = search.latency.map(|set| set.extra_latency_s);
+        Self { extra_latency_s, with, best, base, lead: with - rival, holds_latency }
     }
 
-    /// The latency, if it is a good explanation and far from that with which the recordings were laid out.
-    pub fn worth_a_new_layout(&self, laid_out_s: f64, settings: &Settings) -> Option<f64> {
+    /// The latency, if it is a good explanation and far from that used for the bins.
+    pub fn worth_new_bins(&self, laid_out_s: f64, settings: &Settings) -> Option<f64> {
         let is_good = self.with - self.base > settings.doubt_nats
             && self.best - self.with < settings.latency_near_share * (self.best - self.base).max(0.0);
-        self.late_s.filter(|late_s| is_good && (late_s - laid_out_s).abs() > FAR_S)
+        self.extra_latency_s.filter(|extra_latency_s| is_good && (extra_latency_s - laid_out_s).abs() > FAR_S)
     }
 
-    /// Whether the latency is better than all else in the mean of recordings laid out for it, which these are, and of
-    /// those laid out without: each layout favours its own, alike.
+    /// Whether the latency is better than all else in the mean over bins made with it, which these are, and bins made
+    /// without it: each choice of bins favours its own, alike.
     pub fn explains_more_than_others(&self, without: &Self, settings: &Settings) -> bool {
         self.holds_latency && self.lead + without.lead > 2.0 * settings.doubt_nats
     }
 }
 
 impl Search<'_> {
-    /// Keeps in mind how late the best set with a latency has it: the smallest, for a delay of valves beside it takes
+    /// Keeps the latency of the best set that holds one: of the smallest set, for a delay of valves beside it takes
     /// some of it away.
     pub(crate) fn watch_latency(
         &mut self,
@@ -77,12 +77,12 @@ impl Search<'_> {
         log_evidence: f64,
         point: &crate::parameters::Point,
     ) {
-        let is_better = |known: &Lateness| {
-            names.len() < known.members || (names.len() == known.members && log_evidence > known.log_evidence)
+        let is_better = |known: &SetWithLatency| {
+            names.len() < known.terms || (names.len() == known.terms && log_evidence > known.log_evidence)
         };
-        if holds_latency(names) && self.late.as_ref().is_none_or(is_better) {
-            let late_s = self.problem.reference.late_at_s(point);
-            self.late = Some(Lateness { members: names.len(), log_evidence, late_s });
+        if holds_latency(names) && self.latency.as_ref().is_none_or(is_better) {
+            let extra_latency_s = self.problem.reference.extra_latency_at_s(point);
+            self.latency = Some(SetWithLatency { terms: names.len(), log_evidence, extra_latency_s });
         }
     }
 }

@@ -6,25 +6,25 @@ use crate::Settings;
 
 /// Log prior odds of a set of effects against none.
 pub(crate) fn log_prior<S: AsRef<str>>(set: &[S], settings: &Settings) -> f64 {
-    let price = |id: &S| find(id.as_ref()).map_or(0.0, |effect| effect.price_nats());
-    set.iter().map(|id| (settings.present / (1.0 - settings.present)).ln() - price(id)).sum()
+    let penalty = |id: &S| find(id.as_ref()).map_or(0.0, |effect| effect.prior_penalty_nats());
+    set.iter().map(|id| (settings.present / (1.0 - settings.present)).ln() - penalty(id)).sum()
 }
 
-/// Share of the evidence of an effect from which what is left of it is another law's, or a random torque's: an error of twice the size of
-/// what its own formula may leave.
+/// Share of the evidence of an effect above which its residual is taken for another law or a random torque: that of twice the relative
+/// error that its own formula may have.
 pub(crate) fn of_other_law(settings: &Settings) -> f64 {
     4.0 * settings.misspecification
 }
 
-/// A set with one member left out, each in turn.
+/// A set with one term left out, each in turn.
 pub(crate) fn smaller_sets(names: &[String]) -> impl Iterator<Item = Vec<String>> {
     let without = |left_out: &String| names.iter().filter(|id| *id != left_out).cloned().collect();
     names.iter().map(without)
 }
 
-/// Whether a set of this log evidence explains more than each smaller one by more than an echo of what that one explains;
+/// Whether the gain of a set over each smaller one exceeds the misspecification leakage of the smaller one;
 /// `evidence` is that of other sets, if they were fitted.
-pub(crate) fn is_no_echo(
+pub(crate) fn is_no_leakage(
     names: &[String],
     own: f64,
     settings: &Settings,
@@ -32,7 +32,8 @@ pub(crate) fn is_no_echo(
 ) -> bool {
     let Some(base) = evidence(&[]) else { return true };
     names.len() < 2
-        || smaller_sets(names).all(|rest| {
-            evidence(&rest).is_none_or(|rest| own - rest > settings.misspecification * (rest - base))
+        || smaller_sets(names).all(|smaller| {
+            evidence(&smaller)
+                .is_none_or(|smaller| own - smaller > settings.misspecification * (smaller - base))
         })
 }

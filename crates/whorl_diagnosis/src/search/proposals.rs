@@ -1,26 +1,26 @@
-//! Which sets of explanations come near the best one: proposals from a regression of all effects, each fitted and weighed
-//! where it fits best. The search only proposes; what is believed follows from the weights ([`crate::verdict::posterior`]).
+//! Which sets of explanations come near the best one: proposals from a regression of all effects, each fitted and evaluated
+//! where it fits best. The search only proposes; the answer follows from the weights ([`crate::verdict::posterior`]).
 
 use std::collections::BTreeMap;
 
-use whorl_dynamics::effects::Rhythm;
+use whorl_dynamics::effects::Periodicity;
 
 use crate::diagnosis::FittedSet;
-use crate::evidence::colour::Colours;
+use crate::evidence::ar_noise::ArModels;
 use crate::evidence::nuisance::Nuisance;
-use crate::evidence::problem::{Dataset, Problem, Trust};
-use crate::explanations::candidates::Layout;
-use crate::explanations::hypothesis::{Hypothesis, Member};
+use crate::evidence::problem::{Dataset, Problem, ProcessNoise};
+use crate::explanations::candidates::Design;
+use crate::explanations::hypothesis::{Hypothesis, Term};
 use crate::explanations::lines::Lines;
 use crate::explanations::place::Place;
 use crate::parameters::Point;
 use crate::parameters::available::Available;
 use crate::search::judge::{Judge, Judgement};
-use crate::search::latency::Lateness;
+use crate::search::latency::SetWithLatency;
 use crate::search::prior::log_prior;
-use crate::search::rest::{rest, worst};
+use crate::search::residual::{residual_powers, worst};
 use crate::search::sampled::Beside;
-use crate::search::standing::{Converged, Fitted};
+use crate::search::score::{Converged, Fitted};
 use crate::search::step::{NO_FIT, base_point_with, dataset, regression_at};
 use crate::{DiagnosisError, Options, Progress};
 
@@ -41,30 +41,30 @@ pub(crate) struct Search<'a> {
     pub turning: Vec<usize>,
     /// Hidden states compete as well: their many columns are made only when something is missing.
     pub with_hidden: bool,
-    /// Colours of what all effects leave together, beside no noise that the model does not state: with these a fit of any set
-    /// begins. Its own are those of what it does not explain yet.
-    pub sharp: Colours,
+    /// AR models of the residual of all effects together, with the stated noise alone: the fit of every set begins with these. AR models
+    /// of its own residual would contain what it does not explain yet.
+    pub sharp: ArModels,
     pub point: Point,
     /// Relative error of formulas that is integrated out of the present regression.
     pub relative_error: f64,
-    pub layout: Layout,
+    pub design: Design,
     pub data: Dataset,
     pub held_data: Option<Dataset>,
     pub base: Hypothesis,
     pub best: Hypothesis,
     /// Sets that were fitted, each where it fits best.
     pub fitted: Fitted,
-    /// How much more log evidence the samples give to the most probable set that was judged than bins do: what bins say of others is
-    /// counted from there.
+    /// Log evidence of the samples less that of the bins for the most probable judged set: it is added to the log evidence of the bins of
+    /// other sets, so that the two compare.
     pub samples_over_bins: f64,
-    /// What the samples say beside sets that were judged.
+    /// The normal equations of the samples about sets that were judged.
     pub besides: Vec<Beside>,
     /// Log evidence in bins of each of them.
     pub of_bins: BTreeMap<Vec<String>, f64>,
     /// Sets that were fitted and are not compared any more.
     pub forgotten: Vec<FittedSet>,
     /// The best set with an inertial latency.
-    pub late: Option<Lateness>,
+    pub latency: Option<SetWithLatency>,
 }
 
 impl<'a> Search<'a> {
@@ -90,15 +90,15 @@ impl<'a> Search<'a> {
     ) -> Result<Self, DiagnosisError> {
         let available = Available::of(&problem.runs);
         let lines = Lines::default();
-        let layout = Layout::new(&problem.reference, &point, &available, &options.exclude, &lines, false);
-        let data = dataset(problem, &point, &layout, None)?;
-        let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
+        let design = Design::new(&problem.reference, &point, &available, &options.exclude, &lines, false);
+        let data = dataset(problem, &point, &design, None)?;
+        let base = Hypothesis::base(&design, &data.total).ok_or(NO_FIT)?;
         let sharp = if problem.nuisance == Nuisance::default() {
-            data.colours.clone()
+            data.ar_models.clone()
         } else {
             let mut quiet = problem.clone();
             quiet.nuisance = Nuisance::default();
-            dataset(&quiet, &point, &layout, None)?.colours
+            dataset(&quiet, &point, &design, None)?.ar_models
         };
         Ok(Self {
             problem,
@@ -111,7 +111,7 @@ impl<'a> Search<'a> {
             sharp,
             point,
             relative_error: 0.0,
-            layout,
+            design,
             data,
             held_data: None,
             best: base.clone(),
@@ -121,7 +121,7 @@ impl<'a> Search<'a> {
             besides: Vec::new(),
             of_bins: BTreeMap::new(),
             forgotten: Vec::new(),
-            late: None,
+            latency: None,
         })
     }
 
@@ -132,14 +132,14 @@ impl<'a> Search<'a> {
             available: &self.available,
             lines: &self.lines,
             turning: &self.turning,
-            layout: &self.layout,
+            design: &self.design,
             data: &self.data,
         }
     }
 
     /// The full regression at the present point, along the present motion.
     pub(crate) fn regress(&mut self) -> Result<(), DiagnosisError> {
-        self.layout = Layout::new(
+        self.design = Design::new(
             &self.problem.reference,
             &self.point,
             &self.available,
@@ -150,23 +150,23 @@ impl<'a> Search<'a> {
         // The old columns make room for the new ones.
         self.data.whitened = Vec::new();
         self.held_data = None;
-        self.data = regression_at(self.problem, &self.point, &self.layout, self.relative_error)?;
-        self.base = Hypothesis::base(&self.layout, &self.data.total).ok_or(NO_FIT)?;
+        self.data = regression_at(self.problem, &self.point, &self.design, self.relative_error)?;
+        self.base = Hypothesis::base(&self.design, &self.data.total).ok_or(NO_FIT)?;
         Ok(())
     }
 
     /// The same of the held-out runs: nothing is searched in them, so it is made when it is asked for.
     pub(crate) fn regress_held(&mut self) -> Result<(), DiagnosisError> {
         if let Some(held) = &mut self.held_out {
-            held.smooth(&self.point, Trust::AsDataSay)?;
-            self.held_data = Some(regression_at(held, &self.point, &self.layout, self.relative_error)?);
+            held.smooth(&self.point, ProcessNoise::Estimated)?;
+            self.held_data = Some(regression_at(held, &self.point, &self.design, self.relative_error)?);
         }
         Ok(())
     }
 
     /// Log likelihood gained on held-out runs by one set over another; `None` without such runs.
     pub fn gain(&self, with: &Hypothesis, without: &Hypothesis) -> Option<f64> {
-        let held = |set| self.standing(set).and_then(|s| s.held_log_likelihood);
+        let held = |set| self.score(set).and_then(|s| s.held_log_likelihood);
         if let (Some(a), Some(b)) = (held(with), held(without)) {
             return Some(a - b);
         }
@@ -176,11 +176,11 @@ impl<'a> Search<'a> {
 
     /// Every effect added in turn to a hypothesis that does not hold it, best first.
     pub fn additions(&self, to: &Hypothesis) -> Vec<Hypothesis> {
-        let free: Vec<usize> = (0..self.layout.candidates.len())
-            .filter(|c| to.members.iter().all(|m| m.candidate != *c))
+        let free: Vec<usize> = (0..self.design.candidates.len())
+            .filter(|c| to.terms.iter().all(|m| m.candidate != *c))
             .collect();
         let mut found: Vec<Hypothesis> =
-            crate::threads::map(self.problem.threads, &free, |c| to.with(&self.layout, &self.data.total, *c))
+            crate::threads::map(self.problem.threads, &free, |c| to.with(&self.design, &self.data.total, *c))
                 .into_iter()
                 .flatten()
                 .collect();
@@ -188,8 +188,8 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// Weighs the base model and what the samples ask for, then sets near the best one until none of them is better; ends at the most
-    /// probable set. What the samples rule out is not fitted. `None` where no filter can be run on the samples.
+    /// Evaluates the base model and the sets that the samples propose, then sets near the best one until none of them is better; ends at
+    /// the most probable set. Sets that the samples rule out are not fitted. `None` where no filter can be run on the samples.
     pub fn run<'j>(
         &mut self,
         judge: Judge<'j>,
@@ -198,7 +198,7 @@ impl<'a> Search<'a> {
         self.open_hidden(progress)?;
         let base = self.base.clone();
         self.best = base.clone();
-        self.weigh_base(&base)?;
+        self.evaluate_base(&base)?;
         let judgement = self.judge_first(judge, progress)?;
         if let Some(most) = self.most_probable_judged().filter(|most| !most.names.is_empty()).cloned() {
             self.settle(most)?;
@@ -208,8 +208,8 @@ impl<'a> Search<'a> {
             let proposals = self.proposals(round == 0);
             if round > 0
                 && self
-                    .standing(&self.base)
-                    .is_some_and(|s| s.promise > 2.0 * self.options.settings.unfinished_nats)
+                    .score(&self.base)
+                    .is_some_and(|s| s.predicted_decrease > 2.0 * self.options.settings.unfinished_nats)
             {
                 // The base model did not come to its minimum from where it began; from here it may.
                 let base = self.base.clone();
@@ -218,7 +218,7 @@ impl<'a> Search<'a> {
                 }
             }
             let least = self
-                .standing(&self.best)
+                .score(&self.best)
                 .map_or(f64::NEG_INFINITY, |s| s.training_evidence - 2.0 * self.options.settings.window_nats);
             let fitted: Vec<Converged> =
                 self.converge_all(&proposals, least)?.into_iter().flatten().collect();
@@ -230,10 +230,10 @@ impl<'a> Search<'a> {
                 Some(converged) => {
                     self.settle(converged)?;
                 }
-                // With no such noise as is likeliest beside the base model, other effects may come near.
+                // Without the noise that is likeliest beside the base model, other effects may come near.
                 None if round == 0 && judgement.is_none() && self.problem.nuisance != Nuisance::default() => {
                     let mut quiet = self.fitted(&self.base).cloned().ok_or(NO_FIT)?;
-                    quiet.standing.nuisance = Nuisance::default();
+                    quiet.score.nuisance = Nuisance::default();
                     self.settle(quiet)?;
                 }
                 None => break,
@@ -262,36 +262,35 @@ impl<'a> Search<'a> {
 
     /// Fits the base model from the noise in use, and as sharply as any other set: constants of the platform that are far
     /// from the given ones look like noise until they are fitted, and beside so much noise they stay where they are.
-    fn weigh_base(&mut self, base: &Hypothesis) -> Result<(), DiagnosisError> {
+    fn evaluate_base(&mut self, base: &Hypothesis) -> Result<(), DiagnosisError> {
         let converged = self.converge(base)?.ok_or(NO_FIT)?;
         self.remember(converged);
         if self.problem.nuisance == Nuisance::default() {
             return Ok(());
         }
-        let beside = self.standing(base).map(|s| s.nuisance);
+        let beside = self.score(base).map(|s| s.nuisance);
         if let Some(sharp) = self.converge_sharply(base)? {
             self.remember(sharp);
         }
         match self.fitted(base).cloned() {
-            Some(best) if Some(best.standing.nuisance) != beside => self.settle(best),
+            Some(best) if Some(best.score.nuisance) != beside => self.settle(best),
             _ => Ok(()),
         }
     }
 
     /// Ends where the most probable set fits best.
     pub(crate) fn settle_most_probable(&mut self) -> Result<(), DiagnosisError> {
-        let best = self.best.names(&self.layout);
+        let best = self.best.names(&self.design);
         let (nuisance, point) = (self.problem.nuisance, &self.point);
-        let is_there =
-            |c: &&Converged| c.names == best && c.standing.nuisance == nuisance && c.point == *point;
+        let is_there = |c: &&Converged| c.names == best && c.score.nuisance == nuisance && c.point == *point;
         if let Some(most) = self.most_probable().filter(|c| !is_there(c)).cloned() {
             self.settle(most)?;
         }
         self.regress_held()
     }
 
-    /// Sets that may come near the best one and were not weighed: with one effect more, one less, or another in the place
-    /// of one. The declared rivals of its members are among them however little they promise.
+    /// Sets that may come near the best one and were not evaluated: with one effect more, one less, or another in the place
+    /// of one. The declared rivals of its terms are among them however small their predicted gain.
     fn proposals(&self, with_pairs: bool) -> Vec<Hypothesis> {
         let settings = &self.options.settings;
         let mut all = self.additions(&self.best);
@@ -299,41 +298,42 @@ impl<'a> Search<'a> {
             all.extend(self.strong_pair(&all));
         }
         let mut rivals: Vec<Hypothesis> = Vec::new();
-        for (at, member) in self.best.members.iter().enumerate() {
-            let Some(rest) = self.best.without(&self.layout, &self.data.total, at) else { continue };
+        for (at, term) in self.best.terms.iter().enumerate() {
+            let Some(smaller) = self.best.without(&self.design, &self.data.total, at) else { continue };
             let declared =
-                self.layout.candidates.get(member.candidate).map(|c| c.effect.info().confusable_with);
-            for swap in self.additions(&rest) {
+                self.design.candidates.get(term.candidate).map(|c| c.effect.info().confusable_with);
+            for swap in self.additions(&smaller) {
                 let id =
-                    swap.members.last().and_then(|m| self.layout.candidates.get(m.candidate)).map(|c| c.id);
+                    swap.terms.last().and_then(|m| self.design.candidates.get(m.candidate)).map(|c| c.id);
                 if id.is_some_and(|id| declared.is_some_and(|list| list.contains(&id))) {
                     rivals.push(swap);
                 } else {
                     all.push(swap);
                 }
             }
-            if !rest.members.is_empty() {
-                all.push(rest);
+            if !smaller.terms.is_empty() {
+                all.push(smaller);
             }
         }
-        let weight = |h: &Hypothesis| h.log_evidence + log_prior(&h.names(&self.layout), settings);
+        let weight = |h: &Hypothesis| h.log_evidence + log_prior(&h.names(&self.design), settings);
         let is_new = |h: &Hypothesis| {
             // One that did not come to its minimum may from here.
-            let is_finished = self.standing(h).is_some_and(|s| s.promise < 2.0 * settings.unfinished_nats);
-            h.members.len() <= self.options.largest_set && !is_finished && !h.members.is_empty()
+            let is_finished =
+                self.score(h).is_some_and(|s| s.predicted_decrease < 2.0 * settings.unfinished_nats);
+            h.terms.len() <= self.options.largest_set && !is_finished && !h.terms.is_empty()
         };
         let leading = weight(&self.best);
-        // What adds nothing loses by little more than its prior, and there are dozens of such.
-        let is_larger = |h: &Hypothesis| h.members.len() > self.best.members.len();
+        // An effect that adds nothing loses little more than its prior odds, and there are dozens of these.
+        let is_larger = |h: &Hypothesis| h.terms.len() > self.best.terms.len();
         let window = |h: &Hypothesis| if is_larger(h) { settings.doubt_nats } else { settings.window_nats };
-        let is_open = |h: &Hypothesis| is_new(h) && !self.is_ruled_out(&h.names(&self.layout));
+        let is_open = |h: &Hypothesis| is_new(h) && !self.is_ruled_out(&h.names(&self.design));
         all.retain(|h| weight(h) > leading - window(h) && is_open(h));
         all.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
         let mut names: Vec<Vec<String>> = Vec::new();
         let mut chosen: Vec<Hypothesis> = Vec::new();
         rivals.retain(is_open);
         for h in all.into_iter().take(MOST_PROPOSALS).chain(rivals) {
-            let own = h.names(&self.layout);
+            let own = h.names(&self.design);
             if !names.contains(&own) {
                 names.push(own);
                 chosen.push(h);
@@ -351,7 +351,7 @@ impl<'a> Search<'a> {
             return None;
         }
         let singles: Vec<usize> =
-            additions.iter().take(8).filter_map(|h| h.members.last().map(|m| m.candidate)).collect();
+            additions.iter().take(8).filter_map(|h| h.terms.last().map(|m| m.candidate)).collect();
         let pairs: Vec<(usize, usize)> = singles
             .iter()
             .enumerate()
@@ -359,18 +359,18 @@ impl<'a> Search<'a> {
             .collect();
         let total = &self.data.total;
         crate::threads::map(self.problem.threads, &pairs, |(a, b)| {
-            self.base.with(&self.layout, total, *a)?.with(&self.layout, total, *b)
+            self.base.with(&self.design, total, *a)?.with(&self.design, total, *b)
         })
         .into_iter()
         .flatten()
-        .filter(|h| h.members.len() == 2 && h.log_evidence > best_single + window_nats)
+        .filter(|h| h.terms.len() == 2 && h.log_evidence > best_single + window_nats)
         .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
     }
 
     /// Makes the columns of lines and hidden states where something is missing.
     fn open_hidden(&mut self, progress: &mut dyn FnMut(Progress)) -> Result<(), DiagnosisError> {
         let additions = self.additions(&self.base);
-        let left = rest(self.problem, &self.data, &self.layout, &self.base);
+        let left = residual_powers(self.problem, &self.data, &self.design, &self.base);
         self.lines = crate::explanations::spectrum::lines(self.place(), &self.base);
         let settings = &self.options.settings;
         let faint =
@@ -390,23 +390,23 @@ impl<'a> Search<'a> {
     }
 
     /// Whether a line that hardly stands out of the spectrum is worth a look as a torque of the room, after all
-    /// frequencies at which it might have been are paid for. Each is weighed by a regression of the base model and
+    /// frequencies at which it might have been are paid for. Each is evaluated by a regression of the base model and
     /// both phases of that torque: a peak's height does not say that it has one phase in every run.
     fn has_faint_line(&mut self) -> Result<bool, DiagnosisError> {
         let hz = std::mem::take(&mut self.lines.faint_hz);
-        let mut candidates = self.layout.candidates.iter();
-        let periodic = candidates.find(|c| c.effect.rhythm() == Some(Rhythm::Torque)).map(|c| c.id);
+        let mut candidates = self.design.candidates.iter();
+        let periodic = candidates.find(|c| c.effect.periodicity() == Some(Periodicity::Torque)).map(|c| c.id);
         let Some(periodic) = periodic.filter(|_| !hz.is_empty()) else { return Ok(false) };
         let lines = Lines { torque_hz: hz.clone(), ..Lines::default() };
-        let layout =
-            Layout::of_effects(&self.problem.reference, &self.point, &self.available, &[periodic], &lines);
-        let data = dataset(self.problem, &self.point, &layout, None)?;
-        let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
+        let design =
+            Design::of_effects(&self.problem.reference, &self.point, &self.available, &[periodic], &lines);
+        let data = dataset(self.problem, &self.point, &design, None)?;
+        let base = Hypothesis::base(&design, &data.total).ok_or(NO_FIT)?;
         let mut worth: Vec<(f64, f64)> = Vec::new();
-        for (columns, hz) in layout.candidates.iter().flat_map(|c| &c.options).zip(hz) {
-            let member = Member { candidate: 0, columns: columns.clone(), size: 0.1, options: 1 };
-            let Some(fit) = Hypothesis::of(&layout, &data.total, vec![member]) else { continue };
-            let evidence = fit.resized(&layout, &data.total).log_evidence
+        for (columns, hz) in design.candidates.iter().flat_map(|c| &c.options).zip(hz) {
+            let term = Term { candidate: 0, columns: columns.clone(), size: 0.1, options: 1 };
+            let Some(fit) = Hypothesis::of(&design, &data.total, vec![term]) else { continue };
+            let evidence = fit.resized(&design, &data.total).log_evidence
                 - base.log_evidence
                 - self.problem.frequencies().ln();
             if evidence > 0.0 {
@@ -420,10 +420,10 @@ impl<'a> Search<'a> {
         Ok(!worth.is_empty())
     }
 
-    /// The kind of the first member.
+    /// The kind of the first term.
     pub fn kind(&self) -> Option<String> {
-        let member = self.best.members.first()?;
-        let candidate = self.layout.candidates.get(member.candidate)?;
+        let term = self.best.terms.first()?;
+        let candidate = self.design.candidates.get(term.candidate)?;
         Some(candidate.effect.info().kind.to_string())
     }
 }

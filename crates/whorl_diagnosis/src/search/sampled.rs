@@ -1,7 +1,7 @@
-//! Effects that the samples themselves ask for.
+//! Effects that the samples propose.
 //!
-//! Bins of a smoothed motion may miss an effect: noise that they need for what is missing hides it, or a fit ends elsewhere. One pass of the
-//! causal filter with a column for every effect, about a set that was fitted to the samples, says what each would bring beside it.
+//! Bins of a smoothed motion may miss an effect: the noise that stands in for it hides it, or a fit ends in another optimum. One pass of
+//! the causal filter with a column for every effect, about a set that was fitted to the samples, predicts the gain of each effect.
 
 use std::collections::BTreeMap;
 
@@ -12,26 +12,26 @@ use whorl_recording::Recording;
 
 use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::candidates::Candidate;
-use crate::explanations::hypothesis::{Hypothesis, Member, rarity_nats};
+use crate::explanations::hypothesis::{Hypothesis, Term, rarity_nats};
 use crate::parameters::Column;
 use crate::refit::{Entered, Refit};
 use crate::search::Search;
 use crate::search::prior::log_prior;
-use crate::search::standing::{Converged, JudgedFit};
+use crate::search::score::{Converged, JudgedFit};
 use crate::{DiagnosisError, Settings};
 
 /// Prior sizes that are tried, in units of the catalogue's.
 const SIZES: [f64; 3] = [1.0, 10.0, 100.0];
-/// Effects that are looked at at most.
+/// Most effects that are proposed at once.
 const MOST_ASKED: usize = 3;
 
-/// An effect that the samples ask for.
+/// An effect that the samples propose.
 pub(crate) struct Asked {
     pub id: &'static str,
     /// Parameters that it enters with.
     pub entered: Entered,
-    /// Log evidence that it promises, prior included.
-    pub promise: f64,
+    /// Predicted gain of log evidence, prior included.
+    pub predicted_gain: f64,
 }
 
 /// Columns of an effect behind those of a set.
@@ -39,11 +39,11 @@ struct Offered {
     id: &'static str,
     /// Columns with which it may enter.
     options: Vec<Vec<usize>>,
-    /// Whether its amplitudes are all of it: with a shape at another value others might fit.
+    /// Whether it has amplitudes only: an effect with a shape (a frequency, a knee) might fit at another value of it.
     is_linear: bool,
 }
 
-/// What the samples say of every effect beside a set that was fitted to them.
+/// The normal equations of the samples for every effect beside a set that was fitted to them.
 pub(crate) struct Beside {
     pub names: Vec<String>,
     normal: Normal,
@@ -61,29 +61,29 @@ pub(crate) struct Beside {
 }
 
 impl Beside {
-    /// Effects beside the set, the most promising first.
+    /// Effects beside the set, that with the largest predicted gain first.
     pub fn asked(&self, settings: &Settings) -> Vec<Asked> {
         let mut asked: Vec<Asked> = self
             .offered
             .iter()
             .filter_map(|effect| {
                 let (gain, size, columns) = self.best_of(effect, settings)?;
-                let promise = gain - self.without + log_prior(&[effect.id], settings);
+                let predicted_gain = gain - self.without + log_prior(&[effect.id], settings);
                 let indices = columns.iter().map(|i| self.columns[*i].index).collect();
-                Some(Asked { id: effect.id, entered: Entered { indices, size }, promise })
+                Some(Asked { id: effect.id, entered: Entered { indices, size }, predicted_gain })
             })
-            .filter(|asked| asked.promise > 0.0)
+            .filter(|asked| asked.predicted_gain > 0.0)
             .collect();
-        asked.sort_by(|a, b| b.promise.total_cmp(&a.promise));
-        let least = asked.first().map_or(0.0, |best| best.promise - settings.window_nats);
-        asked.retain(|one| one.promise >= least);
+        asked.sort_by(|a, b| b.predicted_gain.total_cmp(&a.predicted_gain));
+        let least = asked.first().map_or(0.0, |best| best.predicted_gain - settings.window_nats);
+        asked.retain(|one| one.predicted_gain >= least);
         asked.truncate(MOST_ASKED);
         asked
     }
 
-    /// Whether a set does not matter beside one of this log posterior: if it holds the set that the samples were asked about, and
-    /// besides only effects that are linear in what they were asked for. What sums promise little of is close to its optimum already:
-    /// a fit would change an answer by less than is left open. Far from an optimum sums may promise half.
+    /// Whether a set cannot change the answer beside one of this log posterior. Only for sets that hold the set of these normal
+    /// equations, and besides it only effects that are linear. A small predicted gain is exact enough: the fit is near its optimum
+    /// already. Far from an optimum the predicted gain may be half of the true one.
     fn rules_out(&self, names: &[String], most: f64, settings: &Settings) -> bool {
         let is_own = |name: &String| self.names.contains(name);
         if names.len() <= self.names.len() || !self.names.iter().all(|name| names.contains(name)) {
@@ -95,7 +95,7 @@ impl Beside {
         let Some(offered) = offered.filter(|all| all.iter().all(|effect| effect.is_linear)) else {
             return false;
         };
-        // Each with the columns that do most alone.
+        // Each effect with the columns that gain most alone.
         let best: Option<Vec<(usize, Vec<usize>)>> = offered
             .iter()
             .map(|effect| Some((effect.options.len(), self.best_of(effect, settings)?.2)))
@@ -106,19 +106,19 @@ impl Beside {
         let Some((gain, ..)) = self.gain_of(&columns, settings) else { return false };
         let gain = gain - choices - self.without;
         let most_gained = if gain > settings.window_nats { 2.0 * gain } else { gain };
-        let promise = most_gained + log_prior(names, settings) - log_prior(&self.names, settings);
-        self.log_posterior + promise < most - settings.doubt_nats
+        let predicted_gain = most_gained + log_prior(names, settings) - log_prior(&self.names, settings);
+        self.log_posterior + predicted_gain < most - settings.doubt_nats
     }
 
-    /// The same of an effect with those of its columns that are likeliest, the choice paid for.
+    /// The same of an effect with the likeliest of its choices of columns, less the log-prior penalty of the choice.
     fn best_of(&self, effect: &Offered, settings: &Settings) -> Option<(f64, f64, Vec<usize>)> {
         let choice = (effect.options.len() as f64).ln();
         let gains = effect.options.iter().filter_map(|columns| self.gain_of(columns, settings));
         gains.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(gain, size, columns)| (gain - choice, size, columns))
     }
 
-    /// Log evidence with more columns, at the size that is likeliest, and those with which they enter: what would have values that no
-    /// platform has leaves.
+    /// Log evidence with more columns, at the likeliest size, and the columns that remain: those whose values no platform can have
+    /// are left out.
     fn gain_of(&self, further: &[usize], settings: &Settings) -> Option<(f64, f64, Vec<usize>)> {
         let known = |i: usize| self.stddevs[i].powi(2);
         let with = |entered: &[usize], size: f64| {
@@ -127,7 +127,7 @@ impl Beside {
                 self.own.iter().chain(entered.iter().filter(|i| !is_own(i))).copied().collect();
             let of_effect = |i: usize| known(i).max((size * self.columns[i].catalogue_stddev).powi(2));
             let variance = |i: usize| if entered.contains(&i) { of_effect(i) } else { known(i) };
-            // What is far from what was known of the platform is pulled back less, and has cost less.
+            // With a wider prior a parameter that is far from its mean is pulled back less, and has a smaller penalty.
             let mut normal = self.normal.clone();
             let mut saved = 0.0;
             for i in entered.iter().filter(is_own).copied() {
@@ -161,14 +161,14 @@ impl Beside {
 }
 
 impl Search<'_> {
-    /// Whether the samples leave a set too little to be worth a mention beside the most probable one that was judged.
+    /// Whether the samples predict too low a probability for a set to be worth mentioning beside the most probable judged one.
     pub(crate) fn is_ruled_out(&self, names: &[String]) -> bool {
         let Some(most) = self.most_probable_judged().map(Converged::log_posterior) else { return false };
         let settings = &self.options.settings;
         self.besides.iter().any(|beside| beside.rules_out(names, most, settings))
     }
 
-    /// What the samples say beside a set that was fitted to them.
+    /// The normal equations of all effects beside a set that was fitted to the samples.
     pub(crate) fn beside(
         &self,
         set: &Converged,
@@ -180,11 +180,11 @@ impl Search<'_> {
         let mut at = fit.fitted.at.clone();
         let own: Vec<usize> = (0..at.len()).collect();
         let mut offered = Vec::new();
-        for candidate in &self.layout.candidates {
+        for candidate in &self.design.candidates {
             if names.iter().any(|name| name == candidate.id) {
                 continue;
             }
-            // What the platform has of it, wherever it may be, and the rest.
+            // Columns that the platform's own parameters already have of this effect, and its others.
             let is_of_it = |i: &usize| refit.columns[*i].group == candidate.id;
             let mut columns: Vec<usize> = own.iter().copied().filter(is_of_it).collect();
             columns.extend(self.offer(&mut refit, &mut at, candidate.effect));
@@ -209,10 +209,10 @@ impl Search<'_> {
         }))
     }
 
-    /// The ways in which a candidate may enter with some of these columns; all of them where none is told.
+    /// The ways in which a candidate may enter with some of these columns; all of them together where it states none.
     fn options_of(&self, candidate: &Candidate, columns: &[Column], of_it: Vec<usize>) -> Vec<Vec<usize>> {
         let place = |i: &usize| {
-            let own = self.layout.columns.get(*i)?;
+            let own = self.design.columns.get(*i)?;
             of_it.iter().copied().find(|k| own.origin.is_none() && columns[*k].index == own.index)
         };
         let placed = |option: &Vec<usize>| -> Vec<usize> { option.iter().filter_map(place).collect() };
@@ -223,7 +223,7 @@ impl Search<'_> {
         if options.is_empty() && !of_it.is_empty() { vec![of_it] } else { options }
     }
 
-    /// Adds the amplitudes of an effect that any platform may have, at none; where they are.
+    /// Adds the amplitudes of an effect that any platform may have, at zero; returns their indices.
     fn offer(&self, refit: &mut Refit<'_>, at: &mut Vec<f64>, effect: &'static dyn Effect) -> Vec<usize> {
         let model = &self.problem.reference.model;
         if effect.hidden_states(model) > 0 {
@@ -268,20 +268,20 @@ impl Search<'_> {
         if let Some(known) = self.fitted.get(&names) {
             return Ok(Some(known.clone()));
         }
-        let members: Vec<Member> =
-            set.members.iter().filter_map(|m| m.carried(&set.layout, &self.layout)).collect();
-        let candidate = self.layout.candidates.iter().position(|candidate| candidate.id == id);
-        let start = Hypothesis::of(&self.layout, &self.data.total, members)
+        let terms: Vec<Term> =
+            set.terms.iter().filter_map(|m| m.carried(&set.design, &self.design)).collect();
+        let candidate = self.design.candidates.iter().position(|candidate| candidate.id == id);
+        let start = Hypothesis::of(&self.design, &self.data.total, terms)
             .zip(candidate)
-            .and_then(|(start, candidate)| start.with(&self.layout, &self.data.total, candidate));
+            .and_then(|(start, candidate)| start.with(&self.design, &self.data.total, candidate));
         let Some(start) = start else { return Ok(None) };
         Ok(self.converge(&start)?.filter(|found| found.names == names))
     }
 }
 
-/// How effects enter a fit: as bins found them, and with what the samples ask for.
+/// How effects enter a fit: as the bins found them, and as the samples propose them.
 pub(crate) fn entered(set: &Converged, asked: Option<&Asked>) -> BTreeMap<&'static str, Entered> {
-    let mut all = Entered::of(&set.layout, &set.members);
+    let mut all = Entered::of(&set.design, &set.terms);
     if let Some(asked) = asked {
         let own = all.entry(asked.id).or_insert_with(|| asked.entered.clone());
         own.indices.extend(&asked.entered.indices);

@@ -1,9 +1,9 @@
-//! Laws that no effect of the catalogue has, as explanations that compete with those that have a name.
+//! Unmodelled laws: explanations outside the catalogue that compete with its effects.
 //!
 //! Torques of simple shape (a function of one recorded variable, about one axis of the body or of the room) and errors of sensors are
 //! columns of the causal filter beside the parameters of a set ([`whorl_prediction::hints`]), with the slow random torque and the noise
-//! that the samples show. Each is weighed by the same evidence as the catalogue's effects, and pays for the number of laws that were
-//! tried. This is the regression of a random-walk torque on the recorded channels (Kristensen et al. 2004), without smoothing the
+//! that the samples show. Each is evaluated by the same evidence as the catalogue's effects, with a log-prior penalty for the number of
+//! laws that were tried. This is the regression of a random-walk torque on the recorded channels (Kristensen et al. 2004), without smoothing the
 //! torque first.
 
 use nalgebra::{DVector, Vector3};
@@ -15,12 +15,12 @@ use crate::diagnosis::Unknown;
 use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::shapes::{At, Column, Law, Shape, columns_of, laws, push, shapes};
 use crate::search::Search;
-use crate::search::standing::{Converged, JudgedFit};
+use crate::search::score::{Converged, JudgedFit};
 
 /// Prior sizes that are tried, in units of a law's columns.
 const SIZES: [f64; 4] = [0.3, 3.0, 30.0, 300.0];
 
-/// A law without a name beside a set of effects.
+/// An unmodelled law beside a set of effects.
 #[derive(Debug, Clone)]
 pub(crate) struct Unmodelled {
     /// Effects beside which it stands.
@@ -57,7 +57,7 @@ impl Search<'_> {
             return Ok(Vec::new());
         };
         let settings = &self.options.settings;
-        let price = settings.unmodelled.ln() - ((tried.laws.len() * SIZES.len()) as f64).ln();
+        let log_prior_of_law = settings.unmodelled.ln() - ((tried.laws.len() * SIZES.len()) as f64).ln();
         let with = |law: &Law| beside(&normal, &own, law, &known);
         let scored = crate::threads::map(self.problem.threads, &tried.laws, with);
         // What a slow random torque explains instead.
@@ -67,9 +67,9 @@ impl Search<'_> {
             let Some(with) = with else { continue };
             let Some(shape) = tried.groups.get(law.group).and_then(|g| g.first()) else { continue };
             let drop = with.drop - without.drop;
-            // A rhythm that was read off the spectrum of these data may have been at any other frequency.
+            // A frequency that was read off the spectrum of these data may have been at any other frequency.
             let picked = if shape.is_picked { self.problem.frequencies().ln() } else { 0.0 };
-            let gain = with.log_evidence - without.log_evidence + price - picked;
+            let gain = with.log_evidence - without.log_evidence + log_prior_of_law - picked;
             if gain < settings.worth_mentioning.ln() {
                 continue;
             }
@@ -77,7 +77,7 @@ impl Search<'_> {
             let axis = law.axis.or_else(|| strongest_axis(law, &tried.laws, &scored));
             found.push(Unmodelled {
                 beside: at.names.clone(),
-                log_evidence: at.standing.log_evidence + gain,
+                log_evidence: at.score.log_evidence + gain,
                 unknown: Unknown {
                     variable: shape.variable.clone(),
                     frame: if law.world { "world" } else { "body" }.to_owned(),
@@ -94,7 +94,7 @@ impl Search<'_> {
         Ok(found)
     }
 
-    /// What the samples say of the columns of a set and of all laws, those of the set first.
+    /// The normal equations of the samples for the columns of a set and of all laws, those of the set first.
     fn normal_of(
         &self,
         at: &Converged,
@@ -103,7 +103,7 @@ impl Search<'_> {
         training: &[Recording],
     ) -> Result<Normal, DiagnosisError> {
         let problem = &self.problem;
-        // Laws are tried one at a time: of two columns of different ones nobody asks what they do together.
+        // Laws are tried one at a time: products of the columns of different laws are not needed.
         let span = |law: &Law| Some(law.columns.iter().max()? - law.columns.iter().min()? + 1);
         let apart = tried.laws.iter().filter_map(span).max().unwrap_or(0);
         let of_run = |(run, motion)| {

@@ -6,7 +6,7 @@ use super::generator::record;
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::Problem;
 use crate::parameters::Reference;
-use crate::search::climb::Linears;
+use crate::search::noise_optimisation::Linears;
 use crate::whitening::columns::predict;
 use crate::whitening::filter::{Linear, System};
 use crate::whitening::mechanics::Mechanics;
@@ -31,7 +31,7 @@ fn runs_linearised_for_many_kinds_of_noise_stay_within_their_room_and_are_the_sa
         System { run, motion, mechanics: &mechanics, prediction: &prediction, settings }
     };
     let quiet = Nuisance::default();
-    let torque = |pace| Nuisance { torque: 1, pace, ..quiet };
+    let torque = |correlation_time| Nuisance { torque: 1, correlation_time, ..quiet };
     let kinds = [quiet, torque(0), torque(1), torque(2)];
     let room = 5 * system(kinds[1]).linear().own_bytes() / 2;
     let mut linears = Linears::within(room);

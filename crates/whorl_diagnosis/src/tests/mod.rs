@@ -1,14 +1,14 @@
 //! Whole diagnoses of simulated runs.
 
 mod bad_input;
-mod beginnings;
+mod expected_information;
 pub(crate) mod generator;
 mod gyros;
+mod initial_guesses;
 mod low_pass;
 mod memory;
 mod naming;
 mod noise_walks;
-mod prospects;
 mod residual;
 mod slopes;
 mod starts;

@@ -56,7 +56,7 @@ fn nothing_is_stated_of_torques_that_unrecorded_jets_may_have_made() {
     assert!(diagnosis.remarks[0].contains("record the valves' pulses"), "{:?}", diagnosis.remarks);
 }
 
-/// So plainly that what the regression leaves has the wheel's rhythm, too.
+/// So plainly that the residual of the regression has the wheel's periodicity, too.
 #[test]
 fn an_unbalanced_wheel_is_named_however_plainly_it_shows() {
     if !whorl_tests::slow("the diagnosis of an unbalanced wheel") {
@@ -99,8 +99,8 @@ fn a_long_latency_is_named_with_its_size_and_explains_the_data() {
     let diagnosis = diagnosis_of(&[("imu_latency", &[("t_s", 0.015)])], 22, 50.0);
     // Late valves may be left beside it.
     assert_eq!(diagnosis.effects, ["imu_latency"], "{:?}", diagnosis.confounded_with);
-    let late = &diagnosis.candidates[0].parameters[0];
-    assert!((late.estimate - 0.015).abs() < 3.0 * late.stddev && late.stddev < 1e-3, "{late:?}");
+    let latency = &diagnosis.candidates[0].parameters[0];
+    assert!((latency.estimate - 0.015).abs() < 3.0 * latency.stddev && latency.stddev < 1e-3, "{latency:?}");
     let slow = &diagnosis.slow_residual;
     assert!(slow.after < 1.03, "{slow:?}");
 }
@@ -132,8 +132,8 @@ fn a_torque_that_comes_and_goes_follows_time_and_has_no_name() {
 }
 
 #[test]
-fn a_rhythm_that_turns_with_the_body_is_no_vibration_of_the_sensors() {
-    if !whorl_tests::slow("the diagnosis of a rhythm that turns with the body") {
+fn a_line_that_turns_with_the_body_is_no_vibration_of_the_sensors() {
+    if !whorl_tests::slow("the diagnosis of a line that turns with the body") {
         return;
     }
     let diagnosis = diagnosis_with(

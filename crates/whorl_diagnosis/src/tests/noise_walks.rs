@@ -5,7 +5,7 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::generator::{map, normal, random, record};
 use crate::evidence::nuisance::Nuisance;
-use crate::evidence::problem::{FREE_RATE_WALK, Problem, Trust};
+use crate::evidence::problem::{FREE_RATE_WALK, Problem, ProcessNoise};
 use crate::parameters::Reference;
 use crate::whitening::columns::predict;
 use crate::whitening::filter::System;
@@ -40,9 +40,11 @@ fn a_walk_of_the_gyros_bias_is_found_at_its_size() {
     let found = |run: whorl_recording::Recording| {
         let mut problem = problem_of(&model, &[run]);
         let point = problem.reference.point();
-        problem.smooth(&point, Trust::Within(FREE_RATE_WALK)).unwrap();
-        problem.nuisance =
-            problem.likeliest_noise(&point, &[], crate::search::climb::Sizes::Any).unwrap().sizes;
+        problem.smooth(&point, ProcessNoise::Fixed(FREE_RATE_WALK)).unwrap();
+        problem.nuisance = problem
+            .likeliest_noise(&point, &[], crate::search::noise_optimisation::Sizes::Any)
+            .unwrap()
+            .sizes;
         (problem.nuisance, problem.settings(0).gyro_bias_walk)
     };
     assert_eq!(found(quiet.clone()).0, Nuisance::default());
@@ -71,9 +73,10 @@ fn a_slow_random_torque_is_found_at_its_size() {
     let run = record(&model, 13, 60.0, Some(&|t, _, _| course[(t * 100.0).round() as usize]));
     let mut problem = problem_of(&model, &[run]);
     let point = problem.reference.point();
-    problem.smooth(&point, Trust::Within(FREE_RATE_WALK)).unwrap();
-    let found = problem
-        .background(problem.likeliest_noise(&point, &[], crate::search::climb::Sizes::Any).unwrap().sizes);
+    problem.smooth(&point, ProcessNoise::Fixed(FREE_RATE_WALK)).unwrap();
+    let found = problem.background(
+        problem.likeliest_noise(&point, &[], crate::search::noise_optimisation::Sizes::Any).unwrap().sizes,
+    );
     // Of the torque that there was; sizes are steps of a factor of three, and the nearest is off by half of one at most.
     let squares: f64 = course.iter().map(|torque| torque.norm_squared()).sum();
     let there_was = (squares / (3.0 * course.len() as f64)).sqrt();
@@ -149,11 +152,11 @@ fn a_gyro_whose_noise_is_coloured_is_no_torque() {
     }
     let mut problem = problem_of(&model, &[run]);
     let point = problem.reference.point();
-    problem.smooth(&point, Trust::Within(FREE_RATE_WALK)).unwrap();
-    let found = problem.likeliest_noise(&point, &[], crate::search::climb::Sizes::Any).unwrap();
+    problem.smooth(&point, ProcessNoise::Fixed(FREE_RATE_WALK)).unwrap();
+    let found = problem.likeliest_noise(&point, &[], crate::search::noise_optimisation::Sizes::Any).unwrap();
     assert_eq!(found.sizes, Nuisance::default());
     // Of the sum with white noise: ten times the power at lag zero, 9 x 0.7 of it at lag one.
-    let gyro = &found.colours[0][0];
+    let gyro = &found.ar_models[0][0];
     let correlation = gyro.coefficients.first().copied().unwrap_or(0.0);
     assert!(correlation > 0.3 && gyro.stddev > 1.05, "{gyro:?}");
 }

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::generator::{normal, random, record};
-use crate::evidence::problem::{FREE_RATE_WALK, Problem, Trust};
+use crate::evidence::problem::{FREE_RATE_WALK, Problem, ProcessNoise};
 use crate::parameters::Reference;
 use crate::whitening::columns::predict;
 use crate::whitening::filter::{Settings, System, WHEEL};
@@ -30,7 +30,7 @@ fn a_torque_that_wanders_lies_within_its_band() {
     let mut problem = Problem::new(std::slice::from_ref(&recording), reference, 40.0, 1).unwrap();
     let point = problem.reference.point();
     for walk in [FREE_RATE_WALK, 5e-3] {
-        problem.smooth(&point, Trust::Within(walk)).unwrap();
+        problem.smooth(&point, ProcessNoise::Fixed(walk)).unwrap();
     }
     let mechanics = Mechanics::new(&model).unwrap();
     let (run, motion) = (&problem.runs[0], &problem.motions[0]);

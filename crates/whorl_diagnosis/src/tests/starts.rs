@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::generator::{map, record};
-use crate::evidence::problem::{Problem, Trust};
+use crate::evidence::problem::{Problem, ProcessNoise};
 use crate::parameters::Reference;
 
 /// An appendage that still swings from before the recording. Its equation is linear, so that it is one at rest, in the plant, and a
@@ -34,7 +34,7 @@ fn an_appendage_that_swings_when_the_recording_begins_is_seen_to() {
     let mut problem = Problem::new(std::slice::from_ref(&recording), reference, 40.0, 1).unwrap();
     let point = problem.reference.point();
     for _ in 0..2 {
-        problem.smooth(&point, Trust::AsDataSay).unwrap();
+        problem.smooth(&point, ProcessNoise::Estimated).unwrap();
     }
     let [eta, eta_rate, ..] = problem.motions[0].hidden_start_of("flexible_mode");
     let wrong = f64::hypot(eta - eta_start, eta_rate / w);

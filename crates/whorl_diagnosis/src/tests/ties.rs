@@ -22,7 +22,7 @@ fn with_search(test: impl FnOnce(&mut Search<'_>)) {
 }
 
 fn candidate(search: &Search<'_>, id: &str) -> usize {
-    search.layout.candidates.iter().position(|c| c.id == id).unwrap()
+    search.design.candidates.iter().position(|c| c.id == id).unwrap()
 }
 
 #[test]
@@ -51,18 +51,18 @@ fn torques_that_no_motion_tells_apart_are_both_kept() {
 fn a_cable_without_stiffness_is_no_cable() {
     with_search(|search| {
         let cable = candidate(search, "harness_spring");
-        let options = &search.layout.candidates[cable].options;
+        let options = &search.design.candidates[cable].options;
         let damped = options.iter().find(|o| o.len() == 2).unwrap();
         // Parameters of the cable that explain this stiffness and this damping, in standard deviations; `None`: none is taken.
         let explained = |stiffness: f64, damping: f64| -> Option<Vec<usize>> {
-            let mut signal = DVector::zeros(search.layout.columns.len());
+            let mut signal = DVector::zeros(search.design.columns.len());
             for (column, size) in damped.iter().zip([stiffness, damping]) {
                 signal[*column] = size / search.data.total.matrix[(*column, *column)].sqrt();
             }
             let mut shown: Normal = search.data.total.clone();
             shown.vector += &shown.matrix * &signal;
-            let fit = search.base.with(&search.layout, &shown, cable)?;
-            Some(fit.members[0].columns.iter().map(|i| search.layout.columns[*i].index).collect())
+            let fit = search.base.with(&search.design, &shown, cable)?;
+            Some(fit.terms[0].columns.iter().map(|i| search.design.columns[*i].index).collect())
         };
         let whole = explained(20.0, 40.0).expect("a cable with stiffness and damping is one");
         assert!(whole.contains(&0) && whole.len() == 2, "{whole:?}");

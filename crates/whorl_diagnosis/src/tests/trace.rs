@@ -34,7 +34,7 @@ fn sets_that_were_fitted_are_read_back_with_their_worth() {
     // Both were asked of the samples, which the friction makes likelier, held-out ones too.
     assert!(first.judged_on_samples && base.judged_on_samples);
     assert!(first.log_evidence_samples.unwrap() > base.log_evidence_samples.unwrap() + 10.0);
-    // What the samples propose bins may not have weighed.
+    // The bins may not have evaluated what the samples propose.
     let of_bins = first.log_evidence_bins.zip(base.log_evidence_bins);
     assert!(base.log_evidence_bins.is_some() && of_bins.is_none_or(|(first, base)| first > base + 10.0));
     assert!(first.held_out_gain.unwrap() > 0.0);
@@ -44,6 +44,6 @@ fn sets_that_were_fitted_are_read_back_with_their_worth() {
     assert!((friction.value - 0.05).abs() < 4.0 * friction.stddev.unwrap(), "{friction:?}");
     let moment = base.parameters.iter().find(|p| p.group == "mass_properties").unwrap();
     assert!((1.0..20.0).contains(&moment.value) && moment.stddev.unwrap() > 0.0, "{moment:?}");
-    // What was not asked of the samples beside these is not believed, and not lost.
+    // What was not asked of the samples beside these has no probability, and is not lost.
     assert!(read.len() > 2 && read.iter().all(|set| set.log_posterior.is_finite()));
 }

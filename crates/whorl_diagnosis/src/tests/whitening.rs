@@ -3,8 +3,8 @@
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::generator::record;
-use crate::evidence::colour::Colour;
-use crate::evidence::problem::{Problem, Trust};
+use crate::evidence::ar_noise::ArModel;
+use crate::evidence::problem::{Problem, ProcessNoise};
 use crate::parameters::Reference;
 
 #[test]
@@ -44,7 +44,7 @@ fn the_true_model_leaves_white_noise() {
     let mut problem = Problem::new(std::slice::from_ref(&run), reference, run.duration_s(), 1).unwrap();
     let point = problem.reference.point();
     for walk in [0.3, 5e-3] {
-        problem.smooth(&point, Trust::Within(walk)).unwrap();
+        problem.smooth(&point, ProcessNoise::Fixed(walk)).unwrap();
     }
     let linear = problem.linearise(&point).unwrap();
     let (whitened, readings) = (&linear[0].gains.whitened, &linear[0].gains.readings());
@@ -60,6 +60,8 @@ fn the_true_model_leaves_white_noise() {
         // The noise level is measured from the same data, to a few per cent.
         assert!((power - 1.0).abs() < 0.08 + 5.0 * (2.0 / n).sqrt(), "{component:?}: power {power}");
         assert!(lag.abs() < 4.5 / n.sqrt() + 0.02, "{component:?}: correlation {lag}");
-        assert!(Colour::of(&values, &crate::Settings::default()).coefficients.iter().all(|a| a.abs() < 0.15));
+        assert!(
+            ArModel::of(&values, &crate::Settings::default()).coefficients.iter().all(|a| a.abs() < 0.15)
+        );
     }
 }

@@ -15,18 +15,18 @@ use crate::explanations::hypothesis::Hypothesis;
 use crate::explanations::vibration::fast_effects;
 use crate::search::Search;
 use crate::search::prior::{log_prior, of_other_law};
-use crate::search::rest::{momentum_rms, rest, worst};
-use crate::search::standing::Converged;
+use crate::search::residual::{momentum_rms, residual_powers, worst};
+use crate::search::score::Converged;
 use crate::search::step::point_of;
 use crate::search::unmodelled::Unmodelled;
-use crate::verdict::posterior::{Belief, Weighted};
+use crate::verdict::posterior::{Posterior, Weighted};
 use crate::{Diagnosis, DiagnosisError, NextManoeuvre, SCHEMA, Verdict};
 
 impl Search<'_> {
     /// The slow residual before and after.
     pub(crate) fn slow_residual(&self) -> SlowResidual {
         let rms = |problem: &Problem, data: &Dataset, hypothesis: &Hypothesis| {
-            momentum_rms(&rest(problem, data, &self.layout, hypothesis))
+            momentum_rms(&residual_powers(problem, data, &self.design, hypothesis))
         };
         let held = |hypothesis: &Hypothesis| match (&self.held_out, &self.held_data) {
             (Some(problem), Some(data)) => Some(rms(problem, data, hypothesis)),
@@ -40,14 +40,14 @@ impl Search<'_> {
         }
     }
 
-    /// One row of the table for a hypothesis' last member, against the hypothesis without it.
-    fn row(&self, with: &Hypothesis, without: &Hypothesis, member: usize) -> Option<Candidate> {
-        let member = with.members.get(member)?;
-        let candidate = self.layout.candidates.get(member.candidate)?;
+    /// One row of the table for a hypothesis' last term, against the hypothesis without it.
+    fn row(&self, with: &Hypothesis, without: &Hypothesis, term: usize) -> Option<Candidate> {
+        let term = with.terms.get(term)?;
+        let candidate = self.design.candidates.get(term.candidate)?;
         let covariance = with.estimate.covariance();
         let mut parameters: Vec<ParameterEstimate> = Vec::new();
-        for &i in &member.columns {
-            let column = self.layout.columns.get(i)?;
+        for &i in &term.columns {
+            let column = self.design.columns.get(i)?;
             let Some(at) = with.estimate.active.iter().position(|a| *a == i) else { continue };
             let stddev = covariance[(at, at)].max(0.0).sqrt();
             let own = self.estimate_of(column, with.estimate.value[at], stddev);
@@ -62,7 +62,7 @@ impl Search<'_> {
         let (evidence, drop) = self.advantage(with, without);
         let rows = self.data.total.rows;
         // Where nothing is named, what is within chance is no excess.
-        let chance = if self.best.members.is_empty() {
+        let chance = if self.best.terms.is_empty() {
             self.options.settings.noticed_stddevs * (2.0 * rows).sqrt()
         } else {
             1.0
@@ -76,15 +76,15 @@ impl Search<'_> {
             delta_log_evidence: evidence,
             held_out_gain: self.gain(with, without).unwrap_or(0.0),
             share_of_excess: (drop / excess).clamp(0.0, 1.0),
-            swallowed_by_base: self.swallowed(&member.columns, with),
+            swallowed_by_base: self.absorbed(&term.columns, with),
             detectability: drop.max(0.0),
             indistinguishable_from: Vec::new(),
             parameters,
         })
     }
 
-    /// Share of a signal that refitting the base would swallow.
-    fn swallowed(&self, columns: &[usize], fit: &Hypothesis) -> f64 {
+    /// Share of a signal that refitting the base absorbs.
+    fn absorbed(&self, columns: &[usize], fit: &Hypothesis) -> f64 {
         let normal = &self.data.total;
         let mut alone = 0.0;
         for &i in columns {
@@ -93,19 +93,19 @@ impl Search<'_> {
             }
         }
         // What is left of the signal when the base follows it as well as it can within its prior.
-        let mut signal = crate::evidence::regression::Normal::zeros(self.layout.columns.len());
-        for a in 0..self.layout.columns.len() {
+        let mut signal = crate::evidence::regression::Normal::zeros(self.design.columns.len());
+        for a in 0..self.design.columns.len() {
             signal.vector[a] = columns.iter().map(|j| normal.matrix[(a, *j)] * fit.estimate.of(*j)).sum();
         }
         signal.matrix.copy_from(&normal.matrix);
-        let base: Vec<usize> = self.layout.base.iter().copied().filter(|i| !columns.contains(i)).collect();
+        let base: Vec<usize> = self.design.base.iter().copied().filter(|i| !columns.contains(i)).collect();
         let followed =
-            Estimate::new(&signal, &base, |i| self.layout.base_variance(i)).map_or(0.0, |e| e.drop);
+            Estimate::new(&signal, &base, |i| self.design.base_variance(i)).map_or(0.0, |e| e.drop);
         if alone > 0.0 { (followed / alone).clamp(0.0, 1.0) } else { 0.0 }
     }
 
-    /// Sets that may be believed, each with its weight.
-    fn weighed_sets(&self) -> Vec<Weighted> {
+    /// Admissible sets, each with its weight.
+    fn evaluated_sets(&self) -> Vec<Weighted> {
         let weighted = |set: &Converged| Weighted {
             effects: set.names.clone(),
             unknown: self.large_background(set),
@@ -118,56 +118,56 @@ impl Search<'_> {
 
     /// A slow random torque that is more than background: what the samples show beside a set, or bins where they were not asked.
     pub(crate) fn large_background(&self, set: &Converged) -> Option<Unknown> {
-        let of_bins = || self.problem.background(set.standing.nuisance).stddev_n_m;
+        let of_bins = || self.problem.background(set.score.nuisance).stddev_n_m;
         let stddev_n_m = set.judged.as_ref().map_or_else(of_bins, |judged| judged.fit.torque_n_m());
         self.problem.is_large_torque(stddev_n_m).then(|| Unknown::torque_in_time(stddev_n_m))
     }
 
-    /// What is believed of the data: sets of the catalogue's effects, and where something is left, laws without a name
+    /// The posterior given the data: over sets of the catalogue's effects, and where something is left, unmodelled laws
     /// beside the best of them and alone.
-    fn belief(&mut self, left: f64, training: &[Recording]) -> Result<Belief, DiagnosisError> {
+    fn posterior(&mut self, left: f64, training: &[Recording]) -> Result<Posterior, DiagnosisError> {
         let options = self.options;
         let settings = &options.settings;
-        // Formulas that are likeliest to err by so much call for a comparison with laws that have no name.
+        // A likeliest relative error of the formulas above this calls for a comparison with unmodelled laws.
         let rough = 0.5 * settings.model_discrepancies.last().copied().unwrap_or(0.0);
         let mut all = Vec::new();
-        let standing = self.standing(&self.best);
-        let rhythm = self.rhythm();
+        let score = self.score(&self.best);
+        let periodicity = self.periodicity();
         let best = self.fitted(&self.best).map(Converged::log_posterior);
-        if let (Some((unknown, log_evidence)), Some(best)) = (rhythm.clone(), best) {
+        if let (Some((unknown, log_evidence)), Some(best)) = (periodicity.clone(), best) {
             all.push(Weighted {
-                effects: self.best.names(&self.layout),
+                effects: self.best.names(&self.design),
                 unknown: Some(unknown),
                 is_law: true,
                 log_posterior: best + settings.unmodelled.ln() + log_evidence,
                 probability: 0.0,
             });
         }
-        let is_clean = standing.is_some_and(|s| s.relative_error < rough)
+        let is_clean = score.is_some_and(|s| s.relative_error < rough)
             && self.fitted(&self.best).is_some_and(Converged::needs_no_torque)
             && left < settings.noticed_stddevs
-            && rhythm.is_none()
-            // Errors of sensors may come and go too fast to leave a slow rest.
-            && !self.best.members.is_empty()
+            && periodicity.is_none()
+            // Errors of sensors may come and go too fast to leave a slow residual.
+            && !self.best.terms.is_empty()
             // A line may be that of a torque of another kind, although nothing slow is left.
-            && !self.best.names(&self.layout).iter().any(|id| find(id).is_some_and(|e| e.rhythm().is_some()));
+            && !self.best.names(&self.design).iter().any(|id| find(id).is_some_and(|e| e.periodicity().is_some()));
         if !is_clean {
             self.lines = crate::explanations::spectrum::lines(self.place(), &self.best);
             let mut anchors = vec![self.best.clone()];
             // And alone: the best set may only look like what is missing.
-            if !self.best.members.is_empty() {
+            if !self.best.terms.is_empty() {
                 anchors.push(self.base.clone());
             }
             for anchor in &anchors {
                 let Some(at) = self.fitted(anchor).cloned() else { continue };
                 let laws = self.laws_beside(&at, training)?;
-                let explained = at.standing.log_evidence
-                    - self.standing(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
-                // What is left of a set is another law's only where it is a good part of it.
+                let explained = at.score.log_evidence
+                    - self.score(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
+                // The residual of a set is taken for another law only where it exceeds the leakage of the set's own formulas.
                 let least_n_m = settings.background_share * self.problem.torques.body_n_m;
                 let is_apart = |law: &Unmodelled| {
                     let is_large = law.unknown.unit != "N m" || law.unknown.size > least_n_m;
-                    let gain = law.log_evidence - at.standing.log_evidence;
+                    let gain = law.log_evidence - at.score.log_evidence;
                     at.names.is_empty() || (is_large && gain > of_other_law(settings) * explained)
                 };
                 all.extend(laws.into_iter().filter(is_apart).map(|law| Weighted {
@@ -179,21 +179,21 @@ impl Search<'_> {
                 }));
             }
         }
-        all.extend(self.weighed_sets());
-        Ok(Belief::new(all, settings))
+        all.extend(self.evaluated_sets());
+        Ok(Posterior::new(all, settings))
     }
 
-    /// Noise of each channel of each run over what the model states. Innovations below the measured noise are not its doing.
+    /// Noise of each channel of each run over what the model states. Innovations smaller than the measured noise do not lower it.
     fn noise_scales(&self) -> Vec<NoiseScale> {
         let mut scales = Vec::new();
-        for ((run, whitened), colours) in
-            self.problem.runs.iter().zip(&self.data.whitened).zip(&self.data.colours)
+        for ((run, whitened), ar_models) in
+            self.problem.runs.iter().zip(&self.data.whitened).zip(&self.data.ar_models)
         {
             let mut channels: BTreeMap<Component, Vec<f64>> = BTreeMap::new();
             let mut components: Vec<Component> = whitened.reading.clone();
             components.sort_unstable();
             components.dedup();
-            for (component, colour) in components.iter().zip(colours) {
+            for (component, ar_model) in components.iter().zip(ar_models) {
                 let ratio = match component.channel {
                     Channel::Gyro => run.noise.gyro_ratio,
                     Channel::Accelerometer => run.noise.accel_ratio,
@@ -201,7 +201,7 @@ impl Search<'_> {
                     _ => 1.0,
                 };
                 let whole = Component::new(component.channel, component.sensor(), 0);
-                channels.entry(whole).or_default().push(ratio * colour.power.max(1.0).sqrt());
+                channels.entry(whole).or_default().push(ratio * ar_model.power.max(1.0).sqrt());
             }
             scales.extend(channels.into_iter().map(|(component, list)| NoiseScale {
                 run: run.name.clone(),
@@ -221,18 +221,18 @@ impl Search<'_> {
             return Vec::new();
         }
         let mut odd = Vec::new();
-        let mut total = crate::evidence::regression::Normal::zeros(self.layout.columns.len());
+        let mut total = crate::evidence::regression::Normal::zeros(self.design.columns.len());
         self.data.blocks.iter().for_each(|block| total.add(block, 1.0));
         for (r, run) in self.problem.runs.iter().enumerate() {
             // Fitted without the run, does the model predict it as well as a fit that has seen it?
             let blocks = &self.data.blocks[r * BLOCKS_PER_RUN..(r + 1) * BLOCKS_PER_RUN];
             let mut others = total.clone();
-            let mut own = crate::evidence::regression::Normal::zeros(self.layout.columns.len());
+            let mut own = crate::evidence::regression::Normal::zeros(self.design.columns.len());
             for block in blocks {
                 others.add(block, -1.0);
                 own.add(block, 1.0);
             }
-            let fits = [&total, &others, &own].map(|data| self.best.refitted(&self.layout, data));
+            let fits = [&total, &others, &own].map(|data| self.best.refitted(&self.design, data));
             let [Some(of_all), Some(of_others), Some(of_own)] = &fits else { continue };
             let parameters = of_all.estimate.active.len() as f64;
             // What is known from the others counts as far as it is known.
@@ -262,21 +262,21 @@ impl Search<'_> {
         odd.into_iter().map(|(_, name)| name).collect()
     }
 
-    /// One row for each effect: members of the best set, then what else was tested, best first.
+    /// One row for each effect: terms of the best set, then what else was tested, best first.
     fn rows(&self) -> Vec<Candidate> {
         let mut candidates: Vec<Candidate> = Vec::new();
-        for member in 0..self.best.members.len() {
-            if let Some(rest) = self.best.without(&self.layout, &self.data.total, member)
-                && let Some(mut row) = self.row(&self.best, &rest, member)
+        for term in 0..self.best.terms.len() {
+            if let Some(smaller) = self.best.without(&self.design, &self.data.total, term)
+                && let Some(mut row) = self.row(&self.best, &smaller, term)
             {
-                if let Some(parameters) = self.averaged(&self.best, member) {
+                if let Some(parameters) = self.averaged(&self.best, term) {
                     row.parameters = parameters;
                 }
                 candidates.push(row);
             }
         }
         for addition in self.additions(&self.best) {
-            let last = addition.members.len().saturating_sub(1);
+            let last = addition.terms.len().saturating_sub(1);
             candidates.extend(self.row(&addition, &self.best, last));
         }
         candidates
@@ -286,8 +286,8 @@ impl Search<'_> {
     pub(crate) fn answer(&mut self, training: &[Recording]) -> Result<Diagnosis, DiagnosisError> {
         let mut candidates = self.rows();
         let slow_residual = self.slow_residual();
-        let before = rest(self.problem, &self.data, &self.layout, &self.base);
-        let after = rest(self.problem, &self.data, &self.layout, &self.best);
+        let before = residual_powers(self.problem, &self.data, &self.design, &self.base);
+        let after = residual_powers(self.problem, &self.data, &self.design, &self.best);
         let worst_before = worst(&before);
         let share = if before[worst_before].excess() > 0.0 {
             1.0 - after[worst_before].excess().max(0.0) / before[worst_before].excess()
@@ -300,14 +300,14 @@ impl Search<'_> {
         let mut remarks: Vec<String> =
             self.problem.runs.iter().flat_map(|r| r.remarks.iter().cloned()).collect();
         let mut direct: Vec<Candidate> = self.digital().into_iter().chain(self.gimbal_drag()).collect();
-        let at = point_of(self.problem, &self.layout, &self.point, &self.best);
+        let at = point_of(self.problem, &self.design, &self.point, &self.best);
         let seen = fast_effects(self.place(), &at, &self.options.exclude);
         self.turning = seen.turning;
         direct.extend(seen.rows);
         let contradiction = self.contradiction();
-        let belief = self.belief(left, training)?;
-        let fitted = self.traced(&belief);
-        let mut verdict = belief.verdict(self.could_have_seen());
+        let posterior = self.posterior(left, training)?;
+        let fitted = self.traced(&posterior);
+        let mut verdict = posterior.verdict(self.could_have_seen());
         for row in &direct {
             remarks.push(format!(
                 "{}: directly visible in the samples: {}",
@@ -327,14 +327,14 @@ impl Search<'_> {
             verdict = Verdict::Unknown;
             contradiction
         } else {
-            belief.all.iter().find_map(|w| w.unknown.clone()).filter(|_| verdict == Verdict::Unknown)
+            posterior.all.iter().find_map(|w| w.unknown.clone()).filter(|_| verdict == Verdict::Unknown)
         };
-        let contenders = belief.contenders();
+        let contenders = posterior.contenders();
         if !direct.is_empty() && matches!(verdict, Verdict::NothingMissing | Verdict::NotEnoughInformation) {
             verdict = Verdict::Named;
         }
         let states_names = matches!(verdict, Verdict::Named | Verdict::Confounded);
-        let named = states_names && belief.nothing < 0.5;
+        let named = states_names && posterior.nothing < 0.5;
         let mut sets: Vec<Vec<String>> = if named { contenders } else { Vec::new() };
         if verdict == Verdict::Named {
             sets.truncate(1);
@@ -342,7 +342,7 @@ impl Search<'_> {
         if sets.is_empty() && states_names {
             sets.push(Vec::new());
         }
-        let mut explanations: Vec<Explanation> = belief.all.iter().map(Explanation::of).collect();
+        let mut explanations: Vec<Explanation> = posterior.all.iter().map(Explanation::of).collect();
         for row in direct.iter().filter(|_| states_names) {
             for set in sets.iter_mut().chain(explanations.iter_mut().map(|e| &mut e.effects)) {
                 if !set.contains(&row.effect) {
@@ -374,8 +374,8 @@ impl Search<'_> {
             [] => None,
             _ => self.kind(),
         };
-        let standing = self.standing(&self.best);
-        let background = standing.map(|s| self.problem.background(s.nuisance)).unwrap_or_default();
+        let score = self.score(&self.best);
+        let background = score.map(|s| self.problem.background(s.nuisance)).unwrap_or_default();
         Ok(Diagnosis {
             schema: SCHEMA,
             verdict,
@@ -387,7 +387,7 @@ impl Search<'_> {
                 stddev_n_m: background.stddev_n_m,
                 correlation_s: background.correlation_s,
             },
-            formula_error: standing.map_or(0.0, |s| s.relative_error),
+            formula_error: score.map_or(0.0, |s| s.relative_error),
             noise,
             unknown,
             slow_residual,
@@ -404,14 +404,14 @@ impl Search<'_> {
     fn could_have_seen(&self) -> bool {
         let normal = &self.data.total;
         let (mut seen, mut tested) = (0, 0);
-        for candidate in &self.layout.candidates {
+        for candidate in &self.design.candidates {
             let Some(columns) = candidate.options.first() else { continue };
             if candidate.effect.is_base() {
                 continue;
             }
             tested += 1;
             let largest =
-                columns.iter().filter_map(|i| self.layout.detectability(normal, *i)).fold(0.0, f64::max);
+                columns.iter().filter_map(|i| self.design.detectability(normal, *i)).fold(0.0, f64::max);
             if largest > self.options.settings.clear_misfit {
                 seen += 1;
             }
@@ -419,7 +419,7 @@ impl Search<'_> {
         tested > 0 && seen * 2 >= tested
     }
 
-    /// What the catalogue says separates what is left.
+    /// Advice of the catalogue on how to separate the remaining explanations.
     fn advice(&self, verdict: Verdict, candidates: &[Candidate]) -> Option<NextManoeuvre> {
         let text = match verdict {
             Verdict::Confounded => {

@@ -1,6 +1,6 @@
-//! What data show without any regression: clipped readings, sensors that contradict each other, rhythms.
+//! What data show without any regression: clipped readings, sensors that contradict each other, periodicities.
 
-use whorl_dynamics::effects::{Sighting, catalogue};
+use whorl_dynamics::effects::{Signature, catalogue};
 
 use crate::Unknown;
 use crate::diagnosis::{Candidate, ParameterEstimate};
@@ -19,7 +19,7 @@ fn contradicting_power(problem: &Problem, point: &Point) -> Option<f64> {
 impl Search<'_> {
     /// The gyro against the other sensors, if no motion at all fits both.
     pub(crate) fn contradiction(&self) -> Option<Unknown> {
-        let point = point_of(self.problem, &self.layout, &self.point, &self.best);
+        let point = point_of(self.problem, &self.design, &self.point, &self.best);
         contradicting_power(self.problem, &point).map(|power| Unknown {
             variable: "gyro_rate".to_owned(),
             frame: "body".to_owned(),
@@ -32,12 +32,12 @@ impl Search<'_> {
         })
     }
 
-    /// A rhythm that is left in the residual and that no effect has, and its log evidence: the height of the peak as that of
+    /// A periodicity of the residual that no effect explains, and its log evidence: the height of the peak as that of
     /// a normal variable, less the number of frequencies at which it might have been.
-    pub(crate) fn rhythm(&self) -> Option<(Unknown, f64)> {
+    pub(crate) fn periodicity(&self) -> Option<(Unknown, f64)> {
         let lines = lines(self.place(), &self.best);
         let least =
-            if self.best.members.is_empty() { 1.5 } else { 2.0 } * self.options.settings.certain_stddevs;
+            if self.best.terms.is_empty() { 1.5 } else { 2.0 } * self.options.settings.certain_stddevs;
         if lines.strongest < least {
             return None;
         }
@@ -55,8 +55,8 @@ impl Search<'_> {
     /// Clipping and coarse steps of the gyro, which the readings themselves show.
     pub(crate) fn digital(&self) -> Option<Candidate> {
         let (effect, range_name, step_name) =
-            catalogue().iter().find_map(|effect| match effect.sighting() {
-                Some(Sighting::GyroDigits { range, step }) => Some((effect.info().id, range, step)),
+            catalogue().iter().find_map(|effect| match effect.signature() {
+                Some(Signature::GyroDigits { range, step }) => Some((effect.info().id, range, step)),
                 _ => None,
             })?;
         if self.options.exclude.iter().any(|e| e == effect) {

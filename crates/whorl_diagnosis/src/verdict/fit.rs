@@ -1,4 +1,4 @@
-//! The best values of chosen effects along a smoothed motion, and values beyond belief.
+//! The best values of chosen effects along a smoothed motion, and implausible values.
 
 use whorl_dynamics::Effect;
 
@@ -15,11 +15,11 @@ impl Search<'_> {
                 continue;
             }
             let found = self
-                .layout
+                .design
                 .candidates
                 .iter()
                 .position(|c| c.id == id)
-                .and_then(|c| self.best.with(&self.layout, &self.data.total, c));
+                .and_then(|c| self.best.with(&self.design, &self.data.total, c));
             // Against its sign constraint it stays at its neutral value: there is nothing to adopt.
             let Some(next) = found else {
                 return Err(DiagnosisError::NoEffect { id: id.to_owned() });
@@ -27,16 +27,16 @@ impl Search<'_> {
             self.best = next;
         }
         // A second time where the first did not come to its minimum.
-        if self.relinearise()?.promise > 2.0 * self.options.settings.unfinished_nats {
+        if self.relinearise()?.predicted_decrease > 2.0 * self.options.settings.unfinished_nats {
             self.relinearise()?;
         }
         self.regress_held()
     }
 
-    /// The moment of inertia that the best explanation has moved beyond belief, if one is: data of another platform
-    /// bend the model until something is named, and whatever that is, it is not what the model lacks.
-    pub(crate) fn beyond_belief(&self) -> Option<String> {
-        let point = point_of(self.problem, &self.layout, &self.point, &self.best);
+    /// The moment of inertia that the best explanation has moved to an implausible value, if one is: data of another platform
+    /// bias the model until some effect is named, and that effect is not what the model lacks.
+    pub(crate) fn implausible_inertia(&self) -> Option<String> {
+        let point = point_of(self.problem, &self.design, &self.point, &self.best);
         let (reference, settings) = (&self.problem.reference, &self.options.settings);
         let inertia = reference.model.mass_properties.inertia_b_kg_m2();
         (0..3).zip(["xx", "yy", "zz"]).zip(point.moments).find_map(|((axis, name), moved)| {

@@ -14,11 +14,11 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 use whorl_dynamics::Effect;
-use whorl_dynamics::effects::{Part, Sighting, catalogue};
+use whorl_dynamics::effects::{Part, Signature, catalogue};
 
+use crate::bins::motion::Motion;
+use crate::bins::run::Run;
 use crate::diagnosis::{Candidate, ParameterEstimate};
-use crate::layout::motion::Motion;
-use crate::layout::run::Run;
 use crate::search::Search;
 
 /// Share of its largest rate below which the sense of a gimbal's rate is noise.
@@ -36,7 +36,7 @@ struct Rows {
 impl Search<'_> {
     /// Friction of gimbals beyond the model's, if their motors' torques show any.
     pub(crate) fn gimbal_drag(&self) -> Option<Candidate> {
-        let effect = catalogue().iter().find(|effect| effect.sighting() == Some(Sighting::GimbalDrag))?;
+        let effect = catalogue().iter().find(|effect| effect.signature() == Some(Signature::GimbalDrag))?;
         if self.options.exclude.iter().any(|e| e == effect.info().id) {
             return None;
         }

@@ -1,4 +1,4 @@
-//! What is believed and said: the posterior, the verdict, estimates, words.
+//! The answer: the posterior, the verdict, estimates, words.
 
 pub(crate) mod answer;
 pub(crate) mod direct;

@@ -1,4 +1,4 @@
-//! What is believed: the posterior over sets of explanations.
+//! The posterior over sets of explanations.
 
 use crate::Settings;
 use crate::diagnosis::{Unknown, Verdict};
@@ -7,7 +7,7 @@ use crate::diagnosis::{Unknown, Verdict};
 #[derive(Debug, Clone)]
 pub(crate) struct Weighted {
     pub effects: Vec<String>,
-    /// What it holds that has no name.
+    /// What it holds that is unmodelled.
     pub unknown: Option<Unknown>,
     /// A law beside a set, not a set that was fitted.
     pub is_law: bool,
@@ -29,10 +29,10 @@ pub(crate) fn normalised(mut all: Vec<Weighted>) -> Vec<Weighted> {
 
 /// What follows from the probabilities.
 #[derive(Debug, Clone)]
-pub(crate) struct Belief {
+pub(crate) struct Posterior {
     /// Explanations worth mentioning, most probable first.
     pub all: Vec<Weighted>,
-    /// Probability of all that hold something without a name.
+    /// Probability of all that hold something unmodelled.
     pub unknown: f64,
     /// Probability that nothing is missing.
     pub nothing: f64,
@@ -44,7 +44,7 @@ pub(crate) struct Belief {
     pub laws: Vec<Weighted>,
 }
 
-impl Belief {
+impl Posterior {
     pub fn new(all: Vec<Weighted>, settings: &Settings) -> Self {
         let mut all = normalised(all);
         let sum = |test: &dyn Fn(&Weighted) -> bool| -> f64 {
@@ -63,7 +63,7 @@ impl Belief {
         (log_posterior - self.log_sum).exp()
     }
 
-    /// The named sets, most probable first, that together with all else that is more probable make up what is sure.
+    /// The named sets, most probable first, until all explanations so far have the probability `sure` together.
     pub fn contenders(&self) -> Vec<Vec<String>> {
         let mut sum = 0.0;
         let mut sets: Vec<Vec<String>> = Vec::new();
@@ -116,17 +116,17 @@ mod tests {
     fn a_verdict_is_read_off_the_probabilities() {
         let verdict = |list: &[(&[&str], f64)]| {
             let all = list.iter().map(|(set, p)| weighted(set, *p)).collect();
-            Belief::new(all, &Settings::default()).verdict(true)
+            Posterior::new(all, &Settings::default()).verdict(true)
         };
         assert_eq!(verdict(&[(&["a"], 0.97), (&["b"], 0.02), (&[], 0.01)]), Verdict::Named);
         assert_eq!(verdict(&[(&["a"], 0.70), (&["b"], 0.29), (&[], 0.01)]), Verdict::Confounded);
         assert_eq!(verdict(&[(&["a"], 0.20), (&[], 0.80)]), Verdict::NotEnoughInformation);
         assert_eq!(verdict(&[(&["a"], 0.03), (&[], 0.97)]), Verdict::NothingMissing);
-        let belief = Belief::new(
+        let posterior = Posterior::new(
             vec![weighted(&["b"], 0.3), weighted(&["a"], 0.6), weighted(&["c"], 0.1)],
             &Settings::default(),
         );
-        assert_eq!(belief.contenders(), [["a"], ["b"], ["c"]]);
-        assert!((belief.all[0].probability - 0.6).abs() < 1e-12);
+        assert_eq!(posterior.contenders(), [["a"], ["b"], ["c"]]);
+        assert!((posterior.all[0].probability - 0.6).abs() < 1e-12);
     }
 }

@@ -1,7 +1,7 @@
 //! Estimates and intervals of the effects that are named.
 //!
-//! Which parts of an effect enter was chosen by the data, and a chosen fit is surer of itself than it should
-//! be: it takes what was left out as known to be zero, and which of two like jets leaks as known. So the
+//! Which parts of an effect enter was chosen by the data, and the covariance of the chosen fit is too small: it takes
+//! the parts that were left out as known to be zero, and which of two like jets leaks as known. So the
 //! estimate that is reported averages over the choices, each with its posterior probability (Hoeting et al.,
 //! Statistical Science 14, 1999), and a choice holds every parameter of a part, with a prior so wide that it
 //! does not pull.
@@ -38,44 +38,44 @@ impl Search<'_> {
         }
     }
 
-    /// Parameters of a member of a set, averaged over the ways in which it can enter.
+    /// Parameters of a term of a set, averaged over the ways in which it can enter.
     pub(crate) fn averaged(&self, set: &Hypothesis, at: usize) -> Option<Vec<ParameterEstimate>> {
-        let member = set.members.get(at)?;
-        let candidate = self.layout.candidates.get(member.candidate)?;
-        let column = |i: &usize| self.layout.columns.get(*i);
-        if member.columns.iter().filter_map(column).any(|c| c.origin.is_some()) {
+        let term = set.terms.get(at)?;
+        let candidate = self.design.candidates.get(term.candidate)?;
+        let column = |i: &usize| self.design.columns.get(*i);
+        if term.columns.iter().filter_map(column).any(|c| c.origin.is_some()) {
             return None;
         }
         // What shapes the effect belongs to it: nothing to choose.
         let is_shaped = candidate.options.iter().flatten().filter_map(column).any(|c| c.is_shape);
         let options: Vec<Vec<usize>> = if is_shaped {
-            vec![member.columns.clone()]
+            vec![term.columns.clone()]
         } else {
-            whole_parts(&candidate.options, &self.layout.columns)
+            whole_parts(&candidate.options, &self.design.columns)
         };
-        // Noise that is slower or larger than taken for, and what even the best set leaves, widen all intervals.
+        // Noise that is slower or larger than modelled, and the residual of the best set, widen all intervals.
         let left = self.slow_residual().after.max(1.0);
         let widened = left * left;
         let mut choices: Vec<(f64, Hypothesis)> = Vec::new();
         for columns in options {
             let with = |size: f64| {
-                let mut members = set.members.clone();
-                let slot = members.get_mut(at)?;
+                let mut terms = set.terms.clone();
+                let slot = terms.get_mut(at)?;
                 (slot.columns, slot.size) = (columns.clone(), size);
-                Hypothesis::of(&self.layout, &self.data.total, members)
-                    .filter(|h| h.members.len() == set.members.len())
+                Hypothesis::of(&self.design, &self.data.total, terms)
+                    .filter(|h| h.terms.len() == set.terms.len())
             };
             let evidence = [0.3, 1.0, 3.0]
                 .into_iter()
-                .filter_map(|factor| with(factor * member.size))
+                .filter_map(|factor| with(factor * term.size))
                 .map(|h| h.log_evidence)
                 .fold(f64::NEG_INFINITY, f64::max);
-            let mut members = set.members.clone();
-            if let Some(slot) = members.get_mut(at) {
-                (slot.columns, slot.size) = (columns.clone(), WIDE * member.size);
+            let mut terms = set.terms.clone();
+            if let Some(slot) = terms.get_mut(at) {
+                (slot.columns, slot.size) = (columns.clone(), WIDE * term.size);
             }
             // Signs are kept below, as what they are: knowledge about the values.
-            let wide = Hypothesis::free(&self.layout, &self.data.total, members);
+            let wide = Hypothesis::free(&self.design, &self.data.total, terms);
             if let Some(wide) = wide.filter(|_| evidence.is_finite()) {
                 choices.push((evidence, wide));
             }
@@ -84,16 +84,16 @@ impl Search<'_> {
         choices.retain(|c| c.0 > best - NO_WEIGHT);
         let sum: f64 = choices.iter().map(|c| (c.0 - best).exp()).sum();
         // Of every column: probability to be in, mean, mean square.
-        let mut moments = vec![(0.0, 0.0, 0.0); self.layout.columns.len()];
+        let mut moments = vec![(0.0, 0.0, 0.0); self.design.columns.len()];
         for (evidence, fit) in &choices {
             let probability = (evidence - best).exp() / sum;
-            let own = fit.members.get(at).map_or(&[][..], |m| m.columns.as_slice());
+            let own = fit.terms.get(at).map_or(&[][..], |m| m.columns.as_slice());
             let (mut mean, mut covariance) =
                 (fit.estimate.value.clone(), fit.estimate.covariance() * widened);
             for (position, i) in fit.estimate.active.iter().enumerate() {
                 let signed =
                     column(i).is_some_and(|c| c.base_stddev == 0.0 && c.range.0 > -1e-9 && !c.is_shape);
-                if signed && fit.members.iter().any(|m| m.columns.contains(i)) {
+                if signed && fit.terms.iter().any(|m| m.columns.contains(i)) {
                     truncate(&mut mean, &mut covariance, position);
                 }
             }
@@ -108,7 +108,7 @@ impl Search<'_> {
             }
         }
         let mut parameters = Vec::new();
-        for (column, (probability, mean, square)) in self.layout.columns.iter().zip(moments) {
+        for (column, (probability, mean, square)) in self.design.columns.iter().zip(moments) {
             if probability < LEAST_PROBABILITY {
                 continue;
             }

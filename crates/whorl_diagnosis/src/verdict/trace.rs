@@ -6,22 +6,22 @@ use crate::diagnosis::{FittedSet, ParameterOfSet};
 use crate::parameters::{Column, Point, Reference, Target};
 use crate::search::Search;
 use crate::search::prior::log_prior;
-use crate::search::standing::Converged;
-use crate::verdict::posterior::Belief;
+use crate::search::score::Converged;
+use crate::verdict::posterior::Posterior;
 
 impl Search<'_> {
-    /// All sets that were fitted, and laws that were compared beside them; most probable first, then those that may not be believed.
-    pub(crate) fn traced(&self, belief: &Belief) -> Vec<FittedSet> {
-        let believed: Vec<&Vec<String>> = self.admissible().map(|set| &set.names).collect();
-        let of_set = |set: &Converged, is_believed: bool| {
-            let probability = if is_believed { belief.probability(set.log_posterior()) } else { 0.0 };
+    /// All sets that were fitted, and laws that were compared beside them; most probable first, then those that are not admissible.
+    pub(crate) fn traced(&self, posterior: &Posterior) -> Vec<FittedSet> {
+        let admissible: Vec<&Vec<String>> = self.admissible().map(|set| &set.names).collect();
+        let of_set = |set: &Converged, is_admissible: bool| {
+            let probability = if is_admissible { posterior.probability(set.log_posterior()) } else { 0.0 };
             self.traced_set(set, probability)
         };
         let mut all: Vec<FittedSet> =
-            self.fitted.values().map(|set| of_set(set, believed.contains(&&set.names))).collect();
+            self.fitted.values().map(|set| of_set(set, admissible.contains(&&set.names))).collect();
         let is_known = |set: &&FittedSet| self.fitted.contains_key(&set.effects);
         all.extend(self.forgotten.iter().filter(|set| !is_known(set)).cloned());
-        all.extend(belief.laws.iter().map(|law| FittedSet {
+        all.extend(posterior.laws.iter().map(|law| FittedSet {
             effects: law.effects.clone(),
             unmodelled: law.unknown.clone(),
             parameters: Vec::new(),
@@ -48,7 +48,7 @@ impl Search<'_> {
         let base = self.fitted.get(&Vec::new());
         let judged = set.judged.as_ref();
         let of_samples = judged.zip(base.and_then(|base| base.judged.as_ref()));
-        let of_bins = base.map(|base| (set.standing.held_log_likelihood, base.standing.held_log_likelihood));
+        let of_bins = base.map(|base| (set.score.held_log_likelihood, base.score.held_log_likelihood));
         let held = of_samples
             .map(|(set, base)| (set.likelihoods.held_out, base.likelihoods.held_out))
             .or(of_bins)
@@ -64,7 +64,7 @@ impl Search<'_> {
             }
             None => {
                 let stddevs = set.stddevs.iter().copied();
-                let columns: Vec<_> = set.layout.columns.iter().zip(stddevs).filter(|c| c.1 > 0.0).collect();
+                let columns: Vec<_> = set.design.columns.iter().zip(stddevs).filter(|c| c.1 > 0.0).collect();
                 parameters_of(reference, &set.point, &set.names, &columns)
             }
         };
@@ -72,7 +72,7 @@ impl Search<'_> {
             effects: set.names.clone(),
             unmodelled: self.large_background(set),
             parameters,
-            log_evidence: set.standing.worth(settings),
+            log_evidence: set.score.worth(settings),
             log_evidence_bins: self.of_bins.get(&set.names).copied(),
             log_evidence_samples: judged.map(|judged| judged.likelihoods.training),
             held_out_gain: held,

@@ -10,8 +10,8 @@
 use nalgebra::Vector3;
 
 use crate::DiagnosisError;
-use crate::layout::motion::Motion;
-use crate::layout::run::Run;
+use crate::bins::motion::Motion;
+use crate::bins::run::Run;
 use crate::search::Search;
 use crate::whitening::columns::predict;
 use crate::whitening::mechanics::Mechanics;
@@ -25,8 +25,8 @@ const LEAST_WINDOWS: f64 = 20.0;
 /// 2^3 (its rate grows along the whole of it), a slow one 2^5 at the least.
 const GROWTH: [(f64, f64); 2] = [(1.0, 8.0), (1.0, 4.0)];
 
-/// Variance of the jumps over that of the gyro's noise in the middle window: below, they are smaller than what
-/// is taken for granted of the noise.
+/// Least variance of the jumps over that of the gyro's noise in the middle window: below it, an error of the noise
+/// model could be taken for jumps.
 const LEAST_SHARE: f64 = 1.0;
 
 /// Sum of squared curvatures of the unexplained rate, and of what noise gives, in windows of one length.
@@ -56,7 +56,7 @@ pub(crate) fn pulses(search: &Search<'_>) -> Result<Option<String>, DiagnosisErr
     if runs.is_empty() {
         return Ok(None);
     }
-    let point = crate::search::step::point_of(search.problem, &search.layout, &search.point, &search.best);
+    let point = crate::search::step::point_of(search.problem, &search.design, &search.point, &search.best);
     let mechanics = Mechanics::new(&search.problem.reference.model_at(&point)?)?;
     let mut scales = [Curvature::default(); 3];
     let mut names: Vec<&str> = Vec::new();

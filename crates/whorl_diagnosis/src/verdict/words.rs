@@ -47,15 +47,15 @@ impl Explanation {
     fn title(&self) -> String {
         match (self.effects.is_empty(), self.with_unknown) {
             (true, false) => "nothing is missing".to_owned(),
-            (true, true) => "something without a name".to_owned(),
+            (true, true) => "something unmodelled".to_owned(),
             (false, false) => list(&self.effects),
-            (false, true) => format!("{} and something without a name", list(&self.effects)),
+            (false, true) => format!("{} and something unmodelled", list(&self.effects)),
         }
     }
 }
 
 impl Diagnosis {
-    /// How probable a set is, to be read after its name; empty where it was not weighed.
+    /// How probable a set is, to be read after its name; empty where it was not evaluated.
     fn per_cent(&self, set: &[String]) -> String {
         let own = self.explanations.iter().find(|e| !e.with_unknown && e.effects == set);
         own.map_or_else(String::new, |e| format!(", {}", percent(e.probability)))

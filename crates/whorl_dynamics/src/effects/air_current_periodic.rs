@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::Vector3;
 
 use super::named::{Named as _, parameters};
-use super::{Clues, Contribution, Effect, EffectInfo, EffectKind, ParameterSpec, Regressed, Rhythm, Start, Starter};
+use super::{Clues, Contribution, Effect, EffectInfo, EffectKind, ParameterSpec, Regressed, Periodicity, Start, Starter};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -91,8 +91,8 @@ impl Effect for AirCurrentPeriodic {
         Some(Draught { amplitude_w_n_m: amplitude.into(), frequency_hz, phase_rad }.values())
     }
 
-    fn rhythm(&self) -> Option<Rhythm> {
-        Some(Rhythm::Torque)
+    fn periodicity(&self) -> Option<Periodicity> {
+        Some(Periodicity::Torque)
     }
 
     fn imposed_hz(&self, values: &[f64]) -> Option<f64> {

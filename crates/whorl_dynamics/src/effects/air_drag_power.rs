@@ -57,7 +57,7 @@ impl Effect for AirDragPower {
         Power::specs(model)
     }
 
-    fn price_nats(&self) -> f64 {
+    fn prior_penalty_nats(&self) -> f64 {
         // The plain laws are its ends: one in twenty drags is neither.
         3.0
     }

@@ -5,8 +5,8 @@ use std::fmt;
 use nalgebra::{Matrix3, Vector3};
 
 use super::{
-    Aid, Clues, Contribution, EffectError, Evidence, Grouping, Need, ParameterSpec, Rhythm, Sighting, Start,
-    ThrustLag,
+    Aid, Clues, Contribution, EffectError, Evidence, Grouping, Need, ParameterSpec, Periodicity, Signature,
+    Start, ThrustLag,
 };
 use crate::{Environment, PlatformModel};
 
@@ -231,14 +231,14 @@ pub trait Effect: Sync + fmt::Debug {
         None
     }
 
-    /// Log odds against it, beside those against any effect: of a general law that holds others as special cases, which
+    /// Log-prior penalty: log odds against it, beside those against any effect: of a general law that holds others as special cases, which
     /// are the likelier explanation where they do.
-    fn price_nats(&self) -> f64 {
+    fn prior_penalty_nats(&self) -> f64 {
         0.0
     }
 
-    /// Its rhythm.
-    fn rhythm(&self) -> Option<Rhythm> {
+    /// Its periodicity.
+    fn periodicity(&self) -> Option<Periodicity> {
         None
     }
 
@@ -248,7 +248,7 @@ pub trait Effect: Sync + fmt::Debug {
     }
 
     /// What samples show of it without a regression.
-    fn sighting(&self) -> Option<Sighting> {
+    fn signature(&self) -> Option<Signature> {
         None
     }
 

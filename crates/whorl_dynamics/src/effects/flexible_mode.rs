@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::named::{Named as _, Value as _, parameters};
 use super::search::geometric;
-use super::{Clues, Effect, EffectInfo, EffectKind, ParameterSpec, Regressed, Rhythm, Start, Starter};
+use super::{Clues, Effect, EffectInfo, EffectKind, ParameterSpec, Regressed, Periodicity, Start, Starter};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -132,7 +132,7 @@ impl Effect for FlexibleMode {
         Some(starts.collect())
     }
 
-    fn rhythm(&self) -> Option<Rhythm> {
-        Some(Rhythm::Ringing)
+    fn periodicity(&self) -> Option<Periodicity> {
+        Some(Periodicity::Ringing)
     }
 }

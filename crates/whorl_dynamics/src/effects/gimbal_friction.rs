@@ -1,7 +1,7 @@
 //! Drag in a gimbal's bearing.
 
 use super::named::{Named as _, parameters, per_gyro};
-use super::{Effect, EffectError, EffectInfo, EffectKind, Evidence, ParameterSpec, Sighting};
+use super::{Effect, EffectError, EffectInfo, EffectKind, Evidence, ParameterSpec, Signature};
 use crate::PlatformModel;
 use crate::actuators::control_moment_gyros::Gyro;
 
@@ -67,7 +67,7 @@ impl Effect for GimbalFriction {
         &[]
     }
 
-    fn sighting(&self) -> Option<Sighting> {
-        Some(Sighting::GimbalDrag)
+    fn signature(&self) -> Option<Signature> {
+        Some(Signature::GimbalDrag)
     }
 }

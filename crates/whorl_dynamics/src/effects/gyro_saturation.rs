@@ -1,7 +1,7 @@
 //! Gyro with a smaller range and coarser steps than the model says.
 
 use super::named::{Named as _, parameters};
-use super::{Clues, Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec, Regressed, Sighting, Start, Starter};
+use super::{Clues, Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec, Regressed, Signature, Start, Starter};
 use crate::PlatformModel;
 
 #[derive(Debug)]
@@ -77,7 +77,7 @@ impl Effect for GyroSaturation {
         Some(RANGES.into_iter().map(start).collect())
     }
 
-    fn sighting(&self) -> Option<Sighting> {
-        Some(Sighting::GyroDigits { range: RANGE, step: STEP })
+    fn signature(&self) -> Option<Signature> {
+        Some(Signature::GyroDigits { range: RANGE, step: STEP })
     }
 }

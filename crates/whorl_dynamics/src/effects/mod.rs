@@ -27,7 +27,7 @@ pub use error::EffectError;
 pub use parameter::{ParameterSpec, Part, Regressed, Role};
 pub use registry::{RegisterError, catalogue, find, register, registered, withdraw};
 pub use search::{
-    Aid, Clues, Contribution, Direction, Evidence, Grouping, Need, Resonance, Rhythm, Sighting, Start,
+    Aid, Clues, Contribution, Direction, Evidence, Grouping, Need, Periodicity, Resonance, Signature, Start,
     Starter, hard_without, untold_without,
 };
 pub use set::{ActiveEffect, EffectSet, MAX_HIDDEN_STATES, describe, describe_catalogue};

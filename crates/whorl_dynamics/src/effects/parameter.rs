@@ -52,7 +52,7 @@ pub enum Regressed {
     UnlessZero,
     /// Only where an amplitude of its part is not zero; without one the shape has no meaning.
     WithAmplitude,
-    /// Never: the readings themselves show it ([`super::Sighting`]).
+    /// Never: the readings themselves show it ([`super::Signature`]).
     Never,
 }
 

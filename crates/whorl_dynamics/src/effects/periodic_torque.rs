@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use super::named::{Named as _, parameters};
 use super::parameter::USUAL_TORQUE_N_M;
-use super::{Clues, Effect, EffectInfo, EffectKind, ParameterSpec, Rhythm, Start, Starter};
+use super::{Clues, Effect, EffectInfo, EffectKind, ParameterSpec, Periodicity, Start, Starter};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -75,8 +75,8 @@ impl Effect for PeriodicTorque {
         Some(clues.torque_lines_hz.iter().flat_map(of_line).collect())
     }
 
-    fn rhythm(&self) -> Option<Rhythm> {
-        Some(Rhythm::Torque)
+    fn periodicity(&self) -> Option<Periodicity> {
+        Some(Periodicity::Torque)
     }
 
     fn imposed_hz(&self, values: &[f64]) -> Option<f64> {

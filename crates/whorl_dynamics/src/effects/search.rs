@@ -226,7 +226,7 @@ pub struct Contribution<'a> {
 
 /// A frequency of the effect by which it may be confused with another effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Rhythm {
+pub enum Periodicity {
     /// A torque from outside at one frequency, whatever the motion.
     Torque,
     /// The sensors shake at one frequency, whatever the motion.
@@ -237,7 +237,7 @@ pub enum Rhythm {
 
 /// What the samples show directly, without a regression, and the names of the parameters that describe it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sighting {
+pub enum Signature {
     /// The gyro's output stops at a range, and moves in steps.
     GyroDigits {
         /// Parameter of the range [rad/s].

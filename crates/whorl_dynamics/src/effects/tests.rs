@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 
 use super::{
-    Effect, EffectError, EffectKind, EffectSet, ParameterSpec, Part, Sighting, TrueImu, catalogue, describe,
+    Effect, EffectError, EffectKind, EffectSet, ParameterSpec, Part, Signature, TrueImu, catalogue, describe,
     find,
 };
 use crate::actuators::{ActuatorKind, Kind};
@@ -180,7 +180,7 @@ fn the_catalogue_is_complete_and_well_formed() {
         let model = platform();
         let text = describe(*effect, &model);
         assert!(text.starts_with(info.id) && specs.iter().all(|s| text.contains(&s.name)));
-        let turns_with_a_wheel = effect.sighting() == Some(Sighting::WheelTurn);
+        let turns_with_a_wheel = effect.signature() == Some(Signature::WheelTurn);
         assert_eq!(
             effect.hidden_states(&model) > 0,
             info.kind == EffectKind::HiddenState || turns_with_a_wheel,

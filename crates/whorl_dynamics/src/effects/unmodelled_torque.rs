@@ -1,4 +1,4 @@
-//! A torque without a name.
+//! An unmodelled torque.
 
 use nalgebra::Vector3;
 
@@ -11,8 +11,8 @@ pub(super) struct UnmodelledTorque;
 
 static INFO: EffectInfo = EffectInfo {
     id: "unmodelled_torque",
-    title: "torque without a name",
-    explanation: "A torque that wanders at random: the stand-in of estimator and diagnosis for what has no name yet, not an effect of its own. Stated in a model, it is simulated, the estimator expects it, and predictions leave it out: its mean is zero.",
+    title: "unmodelled torque",
+    explanation: "A torque that wanders at random: the stand-in of estimator and diagnosis for what is not modelled yet, not an effect of its own. Stated in a model, it is simulated, the estimator expects it, and predictions leave it out: its mean is zero.",
     equation: "dg = -g decay dt + intensity dW, per body axis",
     source: "random-walk state of Kristensen, Madsen and Jorgensen, Comp. Chem. Eng. 28 (2004) 1431",
     kind: EffectKind::HiddenState,

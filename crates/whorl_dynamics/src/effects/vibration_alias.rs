@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use nalgebra::Vector3;
 
 use super::named::{Named as _, parameters};
-use super::{Clues, Effect, EffectInfo, EffectKind, ParameterSpec, Regressed, Rhythm, Sighting, Start, Starter, TrueImu};
+use super::{Clues, Effect, EffectInfo, EffectKind, ParameterSpec, Regressed, Periodicity, Signature, Start, Starter, TrueImu};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -80,12 +80,12 @@ impl Effect for VibrationAlias {
         Some(clues.sensor_lines_hz.iter().flat_map(|hz| [start(*hz, 0.0), start(*hz, 1.0)]).collect())
     }
 
-    fn rhythm(&self) -> Option<Rhythm> {
-        Some(Rhythm::Sensors)
+    fn periodicity(&self) -> Option<Periodicity> {
+        Some(Periodicity::Sensors)
     }
 
-    fn sighting(&self) -> Option<Sighting> {
-        Some(Sighting::SensorLine {
+    fn signature(&self) -> Option<Signature> {
+        Some(Signature::SensorLine {
             gyro: GYRO,
             accelerometer: ACCELEROMETER,
             frequency: FREQUENCY,

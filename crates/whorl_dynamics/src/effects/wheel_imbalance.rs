@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use whorl_math::unit_or;
 
 use super::named::{Named as _, parameters, per_wheel};
-use super::{Aid, Effect, EffectInfo, EffectKind, Evidence, ParameterSpec, Sighting};
+use super::{Aid, Effect, EffectInfo, EffectKind, Evidence, ParameterSpec, Signature};
 use crate::platform::Wheel;
 use crate::{Environment, PlatformModel};
 
@@ -80,8 +80,8 @@ impl Effect for WheelImbalance {
         &[]
     }
 
-    fn sighting(&self) -> Option<Sighting> {
-        Some(Sighting::WheelTurn)
+    fn signature(&self) -> Option<Signature> {
+        Some(Signature::WheelTurn)
     }
 
     fn aids(&self) -> &'static [Aid] {

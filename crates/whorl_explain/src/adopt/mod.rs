@@ -1,6 +1,6 @@
 //! Improvement of the model by a physical effect, and the parameters with which the effect is adopted.
 
-pub(crate) mod belief;
+pub(crate) mod plausibility;
 mod versions;
 mod words;
 
@@ -12,7 +12,7 @@ use whorl_params::ModelStep;
 pub use versions::{BASE, CORRECTION, Version, versions};
 
 use crate::changes::{Change, changes};
-use crate::{Case, ExplainError, Say};
+use crate::{Case, ExplainError, ProgressCallback};
 
 /// A prediction error that exceeds the previous one by this factor counts as worse.
 pub const WORSE: f64 = 1.005;
@@ -35,7 +35,7 @@ pub fn adopt(
     case: &Case<'_>,
     sets: &[Vec<String>],
     options: &Options,
-    say: &mut Say<'_>,
+    say: &mut ProgressCallback<'_>,
 ) -> Result<Adoption, ExplainError> {
     let sets: Vec<Vec<String>> = sets.iter().map(|set| each_once(set)).collect();
     let (versions, left_out) = versions(case, &sets, &BTreeMap::new(), options, say)?;
@@ -69,7 +69,7 @@ impl Adoption {
                 ));
             }
         }
-        belief::strangest(case.model, case.prior, &last.fit.as_ref()?.model)
+        plausibility::strangest(case.model, case.prior, &last.fit.as_ref()?.model)
     }
 
     /// The adoption of the last version as a step of the model's history, without number and date.

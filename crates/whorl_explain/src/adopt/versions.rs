@@ -8,7 +8,7 @@ use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::find;
 
 use crate::compare::{ComparedRun, compare, prediction_error};
-use crate::{Case, ExplainError, Say, part};
+use crate::{Case, ExplainError, ProgressCallback, part};
 
 /// Suffix of the names of corrections.
 pub const CORRECTION: &str = " (correction)";
@@ -49,7 +49,7 @@ pub fn versions(
     sets: &[Vec<String>],
     ready: &BTreeMap<Vec<String>, Fit>,
     options: &Options,
-    say: &mut Say<'_>,
+    say: &mut ProgressCallback<'_>,
 ) -> Result<Compared, ExplainError> {
     let count = (2 + sets.len()) as f64;
     let share = |k: usize| k as f64 / count;

@@ -8,7 +8,7 @@ mod tests;
 mod words;
 
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
-use whorl_diagnosis::{Diagnosis, Options, Prospect, Verdict, fit, prospects};
+use whorl_diagnosis::{Diagnosis, ExpectedInformation, Options, Verdict, expected_information, fit};
 use whorl_dynamics::PlatformModel;
 use whorl_recording::{Mounting, Recording};
 
@@ -17,7 +17,7 @@ pub use experiment::yaml;
 pub use family::{Actuators, Drive, Envelope, Excitation, Manoeuvre, Step, family};
 pub use words::{log_odds_in_words, needs_run};
 
-use crate::{Case, ExplainError, Say};
+use crate::{Case, ExplainError, ProgressCallback};
 
 /// How often a manoeuvre beyond the limits is scaled down, and by how much each time.
 const ATTEMPTS: usize = 4;
@@ -35,7 +35,7 @@ pub struct Judged {
     /// Its demands on the platform.
     pub demand: ManoeuvreDemand,
     /// Its expected information.
-    pub prospect: Prospect,
+    pub expected: ExpectedInformation,
     /// Its motion in simulation.
     pub motion: Recording,
 }
@@ -46,7 +46,7 @@ pub struct Proposal {
     /// The sets of effects to separate; the empty set is the current model.
     pub explanations: Vec<Vec<String>>,
     /// Information in the data at hand.
-    pub now: Prospect,
+    pub now: ExpectedInformation,
     /// All manoeuvres within the limits, best first.
     pub judged: Vec<Judged>,
     /// Manoeuvres beyond the limits, with the reason.
@@ -87,7 +87,7 @@ pub fn propose(
     diagnosis: &Diagnosis,
     options: &Options,
     rehearse: &Rehearse<'_>,
-    say: &mut Say<'_>,
+    say: &mut ProgressCallback<'_>,
 ) -> Result<Proposal, ExplainError> {
     if case.training.iter().all(|r| r.mounting == Mounting::Clamped) {
         return Err(ExplainError::Clamped);
@@ -101,23 +101,24 @@ pub fn propose(
     }
     say(0.5, "evaluating the manoeuvres");
     let further: Vec<Recording> = tried.iter().map(|(_, _, motion, _)| motion.clone()).collect();
-    let found = prospects(case.training, &further, case.model, case.prior, &explanations, options)?;
+    let found =
+        expected_information(case.training, &further, case.model, case.prior, &explanations, options)?;
     let mut judged: Vec<Judged> = tried
         .into_iter()
         .zip(found.with)
-        .map(|((manoeuvre, envelope, motion, demand), prospect)| Judged {
+        .map(|((manoeuvre, envelope, motion, demand), expected)| Judged {
             manoeuvre,
             envelope,
             demand,
-            prospect,
+            expected,
             motion,
         })
         .collect();
     let separates =
         matches!(diagnosis.verdict, Verdict::Confounded | Verdict::Named) && found.now.log_odds.is_some();
     let worth = |j: &Judged| {
-        let odds = (STEPS * j.prospect.told_apart.unwrap_or(0.0)).round();
-        let shown = j.prospect.shown.len() as f64;
+        let odds = (STEPS * j.expected.told_apart.unwrap_or(0.0)).round();
+        let shown = j.expected.shown.len() as f64;
         let short = -j.demand.duration_s;
         if separates { [odds, short, shown] } else { [shown, odds, short] }
     };

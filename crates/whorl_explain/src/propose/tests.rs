@@ -1,6 +1,6 @@
 use std::path::{Path, PathBuf};
 
-use whorl_diagnosis::{Prospect, Verdict};
+use whorl_diagnosis::{ExpectedInformation, Verdict};
 use whorl_recording::Recording;
 
 use super::{Envelope, Judged, Manoeuvre, ManoeuvreDemand, Proposal, Step, family};
@@ -46,7 +46,7 @@ fn a_run_is_proposed_only_where_something_is_in_doubt() {
     let (envelope, all) = manoeuvres("whorl_1", 1.0);
     let known = whorl_recording::read_model(&parameters().join("whorl_1.yaml"), None).unwrap();
     let sets = [vec!["bearing_viscous_friction".to_owned()], vec!["harness_spring".to_owned()]];
-    let prospect = |odds: Option<f64>, shown: &[&str]| Prospect {
+    let expected = |odds: Option<f64>, shown: &[&str]| ExpectedInformation {
         log_odds: odds,
         told_apart: odds.map(|_| 0.9),
         shown: shown.iter().map(|id| (*id).to_owned()).collect(),
@@ -65,10 +65,10 @@ fn a_run_is_proposed_only_where_something_is_in_doubt() {
             manoeuvre: all[0].clone(),
             envelope: envelope.clone(),
             demand: ManoeuvreDemand::of(&Recording::default(), &known.model),
-            prospect: prospect(odds, &["gyro_scale", "wheel_drag", "slosh"]),
+            expected: expected(odds, &["gyro_scale", "wheel_drag", "slosh"]),
             motion: Recording::default(),
         };
-        let now = prospect(odds, &["gyro_scale", "wheel_drag"]);
+        let now = expected(odds, &["gyro_scale", "wheel_drag"]);
         let separates = odds.is_some();
         let proposal =
             Proposal { explanations, now, judged: vec![best.clone()], left_out: Vec::new(), separates };

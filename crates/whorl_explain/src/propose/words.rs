@@ -38,7 +38,7 @@ impl Proposal {
         let design = self;
         let mut text = Vec::new();
         let sets: Vec<String> = design.explanations.iter().map(|s| title(s)).collect();
-        let odds = best.prospect.log_odds.unwrap_or(0.0);
+        let odds = best.expected.log_odds.unwrap_or(0.0);
         let now = design.now.log_odds.unwrap_or(0.0);
         text.push(match verdict {
         Verdict::Confounded => {
@@ -78,11 +78,11 @@ impl Proposal {
         } else {
             text.push(format!(
                 "With it {} of {} effects would show at their ordinary size.",
-                best.prospect.shown.len(),
-                best.prospect.shown.len() + best.prospect.not_shown.len()
+                best.expected.shown.len(),
+                best.expected.shown.len() + best.expected.not_shown.len()
             ));
             let new: Vec<&str> = best
-                .prospect
+                .expected
                 .shown
                 .iter()
                 .filter(|id| !design.now.shown.contains(id))

@@ -120,7 +120,7 @@ fn said(name: &str, share: f64, stddev: f64) -> Finding {
     let (of_model, uncertain) = (three_digits(share), three_digits(stddev));
     Finding::fatal(if share < 0.0 {
         format!(
-            "{name} turns the body the wrong way: its strength comes out as {of_model} +- {uncertain} of the model's. The sign of its measured speed or of its spin axis in the model is wrong; nothing else can be trusted until that is mended."
+            "{name} turns the body the wrong way: its strength comes out as {of_model} +- {uncertain} of the model's. The sign of its measured speed or of its spin axis in the model is wrong; nothing else can be trusted until that is corrected."
         )
     } else {
         format!(

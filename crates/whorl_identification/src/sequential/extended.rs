@@ -3,7 +3,7 @@
 use nalgebra::{Const, DMatrix, Dyn, OMatrix};
 use whorl_math::covariance::correct;
 
-use super::joint_model::{Belief, JointModel, STATE, StateMatrix, StateVector};
+use super::joint_model::{JointModel, Posterior, STATE, StateMatrix, StateVector};
 use super::sample::AveragedSample;
 
 /// One row for each reading.
@@ -15,11 +15,11 @@ const DIFFERENCE: f64 = 1e-6;
 /// From one sample to the next; `None` when that cannot be computed.
 pub(super) fn step(
     model: &JointModel,
-    before: &Belief,
+    before: &Posterior,
     last: &AveragedSample,
     point: &AveragedSample,
     iterations: usize,
-) -> Option<Belief> {
+) -> Option<Posterior> {
     let dt_s = point.time_s - last.time_s;
     let carried = model.carried(&before.mean, last, point)?;
     let mut transition = StateMatrix::identity();
@@ -52,5 +52,5 @@ pub(super) fn step(
     }
     let (gain, cross, spread) = last_linearisation?;
     correct(&mut covariance, &gain, &cross, &spread);
-    Some(Belief { mean, covariance })
+    Some(Posterior { mean, covariance })
 }

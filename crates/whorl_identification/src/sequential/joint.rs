@@ -3,7 +3,7 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
-use super::joint_model::{Belief, JointModel, Mean, STATE, StateMatrix, StateVector};
+use super::joint_model::{JointModel, Mean, Posterior, STATE, StateMatrix, StateVector};
 use super::noise::Noise;
 use super::physics::{Carried, Motion};
 use super::sample::AveragedSample;
@@ -34,7 +34,7 @@ pub enum JointUpdate {
 #[derive(Debug, Clone)]
 pub struct JointFilter {
     model: JointModel,
-    belief: Belief,
+    posterior: Posterior,
     update: JointUpdate,
     last: Option<AveragedSample>,
 }
@@ -62,7 +62,7 @@ impl JointFilter {
             variance[9 + n] = stddev[n].powi(2);
         }
         Self {
-            belief: Belief {
+            posterior: Posterior {
                 mean: Mean {
                     motion: Motion { q_world_body, omega_wb_b_rad_s: Vector3::zeros() },
                     gyro_bias_rad_s: gyro.bias,
@@ -84,7 +84,8 @@ impl JointFilter {
     /// Takes in one averaged sample; `None` until there are two, and when the sample could not be used.
     pub fn step(&mut self, point: &AveragedSample) -> Option<SequentialEstimate> {
         let Some(last) = self.last.replace(point.clone()) else {
-            self.belief.mean.motion.omega_wb_b_rad_s = point.gyro_b_rad_s - self.belief.mean.gyro_bias_rad_s;
+            self.posterior.mean.motion.omega_wb_b_rad_s =
+                point.gyro_b_rad_s - self.posterior.mean.gyro_bias_rad_s;
             return None;
         };
         let dt_s = point.time_s - last.time_s;
@@ -96,12 +97,12 @@ impl JointFilter {
             self.lose_motion(point);
             return None;
         }
-        let (model, belief) = (&self.model, &self.belief);
+        let (model, posterior) = (&self.model, &self.posterior);
         let next = match self.update {
-            JointUpdate::Unscented => unscented::step(model, belief, &last, point),
-            JointUpdate::Extended => extended::step(model, belief, &last, point, 1),
+            JointUpdate::Unscented => unscented::step(model, posterior, &last, point),
+            JointUpdate::Extended => extended::step(model, posterior, &last, point, 1),
             JointUpdate::Iterated { iterations } => {
-                extended::step(model, belief, &last, point, iterations.max(1))
+                extended::step(model, posterior, &last, point, iterations.max(1))
             }
         };
         let Some(next) = next.filter(plausible) else {
@@ -109,12 +110,12 @@ impl JointFilter {
             self.lose_motion(point);
             return None;
         };
-        self.belief = next;
+        self.posterior = next;
         let covariance =
-            self.belief.covariance.fixed_view::<MASS_PARAMETERS, MASS_PARAMETERS>(9, 9).into_owned();
+            self.posterior.covariance.fixed_view::<MASS_PARAMETERS, MASS_PARAMETERS>(9, 9).into_owned();
         Some(SequentialEstimate {
             time_s: point.time_s,
-            estimate: MassVector::from_fn(|i, _| self.belief.mean.values[i]),
+            estimate: MassVector::from_fn(|i, _| self.posterior.mean.values[i]),
             covariance,
             prior_stddev: self.model.prior,
         })
@@ -122,21 +123,22 @@ impl JointFilter {
 
     /// The motion is unknown again; the estimate of the parameters stays.
     fn lose_motion(&mut self, point: &AveragedSample) {
-        self.belief.mean.motion.omega_wb_b_rad_s = point.gyro_b_rad_s - self.belief.mean.gyro_bias_rad_s;
+        self.posterior.mean.motion.omega_wb_b_rad_s =
+            point.gyro_b_rad_s - self.posterior.mean.gyro_bias_rad_s;
         for n in 0..6 {
             for m in 0..STATE {
-                self.belief.covariance[(n, m)] = 0.0;
-                self.belief.covariance[(m, n)] = 0.0;
+                self.posterior.covariance[(n, m)] = 0.0;
+                self.posterior.covariance[(m, n)] = 0.0;
             }
-            self.belief.covariance[(n, n)] = if n < 3 { 0.05_f64.powi(2) } else { 0.02_f64.powi(2) };
+            self.posterior.covariance[(n, n)] = if n < 3 { 0.05_f64.powi(2) } else { 0.02_f64.powi(2) };
         }
     }
 }
 
 /// Whether a state is possible at all.
-fn plausible(belief: &Belief) -> bool {
-    let mass = MassVector::from_fn(|i, _| belief.mean.values[i]);
+fn plausible(posterior: &Posterior) -> bool {
+    let mass = MassVector::from_fn(|i, _| posterior.mean.values[i]);
     mass.iter().all(|x| x.is_finite())
         && smallest_density_moment_kg_m2(&crate::mass_parameters::inertia_b_kg_m2(&mass)) > -0.5
-        && belief.covariance.diagonal().iter().all(|v| *v >= 0.0 && v.is_finite())
+        && posterior.covariance.diagonal().iter().all(|v| *v >= 0.0 && v.is_finite())
 }

@@ -60,7 +60,7 @@ impl Mean {
 
 /// Mean and covariance of the state.
 #[derive(Debug, Clone)]
-pub(super) struct Belief {
+pub(super) struct Posterior {
     pub mean: Mean,
     pub covariance: StateMatrix,
 }

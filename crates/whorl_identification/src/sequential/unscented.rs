@@ -4,16 +4,16 @@
 use nalgebra::{Const, DMatrix, DVector, Dyn, OMatrix};
 use whorl_math::covariance::correct;
 
-use super::joint_model::{Belief, JointModel, Mean, STATE, StateMatrix, StateVector};
+use super::joint_model::{JointModel, Mean, Posterior, STATE, StateMatrix, StateVector};
 use super::sample::AveragedSample;
 
 /// From one sample to the next; `None` when that cannot be computed.
 pub(super) fn step(
     model: &JointModel,
-    before: &Belief,
+    before: &Posterior,
     last: &AveragedSample,
     point: &AveragedSample,
-) -> Option<Belief> {
+) -> Option<Posterior> {
     let dt_s = point.time_s - last.time_s;
     let points: Vec<Mean> = spread(&before.mean, &before.covariance)?
         .iter()
@@ -40,7 +40,7 @@ pub(super) fn step(
     let gain = &cross * spread.clone().cholesky()?.inverse();
     let step = &gain * (z - expected);
     correct(&mut covariance, &gain, &cross, &spread);
-    Some(Belief { mean: mean.moved(&step), covariance })
+    Some(Posterior { mean: mean.moved(&step), covariance })
 }
 
 /// Points as far from the mean as the covariance says.

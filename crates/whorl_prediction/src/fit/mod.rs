@@ -1,9 +1,9 @@
 //! Parameters of a model by the likelihood of recordings: Gauss and Newton's steps through the filter's own sensitivities.
 //!
-//! Values and levels of noise are found by turns ([`search`]): at fixed levels the values climb ([`climb`]), and with them the levels
+//! Values and levels of noise are found by turns ([`search`]): at fixed levels the values ascend to the maximum of the posterior ([`ascent`]), and with them the levels
 //! are found anew.
 
-mod climb;
+mod ascent;
 mod hints;
 mod problem;
 mod search;
@@ -59,8 +59,7 @@ pub fn fit(
     fit_beside(recordings, parameters, model_at, starts, Rival::NONE, settings)
 }
 
-/// The same of a model that competes with another one: with its levels and starts it begins, and it is given up where twice what a
-/// step promises does not bring it to what it needs; [`Fitted::stands`] then is false.
+/// The same of a model that competes with another one: with its levels and starts it begins, and it is given up where twice the\n/// predicted gain of a step does not bring it to what it needs; [`Fitted::stands`] then is false.
 ///
 /// # Errors
 /// As [`fit`].
@@ -80,20 +79,20 @@ pub fn fit_beside(
     };
     let before = begun.log_posterior;
     let mut best = problem.settled(begun, rival.log_posterior_needed)?;
-    // Beside disturbances parameters hardly matter, and both shrink slowly: the model alone may explain everything by now.
-    let alone = problem.alone(&best.standing).filter(|_| !best.is_hopeless);
-    if let Some(alone) = alone {
-        let alone = problem.settled(alone, best.standing.log_posterior)?;
-        if alone.standing.log_posterior > best.standing.log_posterior {
-            best = alone;
+    // Beside disturbances parameters hardly matter, and both shrink slowly: the model without them may explain everything by now.
+    let undisturbed = problem.without_disturbance(&best.iterate).filter(|_| !best.is_hopeless);
+    if let Some(undisturbed) = undisturbed {
+        let undisturbed = problem.settled(undisturbed, best.iterate.log_posterior)?;
+        if undisturbed.iterate.log_posterior > best.iterate.log_posterior {
+            best = undisturbed;
         }
     }
     let information = match best.information {
         Some(found) => found,
-        None => problem.passes(&best.standing.at, &best.standing.runs())?.information(parameters),
+        None => problem.passes(&best.iterate.at, &best.iterate.runs())?.information(parameters),
     };
-    let held = problem.held(&best.standing.at, &DVector::zeros(parameters.len()));
-    Ok(problem.fitted(best.standing, before, &information, &held, best.stands))
+    let held = problem.held(&best.iterate.at, &DVector::zeros(parameters.len()));
+    Ok(problem.fitted(best.iterate, before, &information, &held, best.stands))
 }
 
 /// A model that was fitted to the same recordings.

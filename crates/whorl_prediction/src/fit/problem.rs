@@ -16,15 +16,15 @@ use crate::prepared::Prepared;
 use crate::settings::Settings;
 use crate::start::Start;
 
-/// A place: values, and the recordings with the model there.
+/// An iterate: values, their log posterior, and the recordings with the model there.
 #[derive(Debug, Clone)]
-pub(super) struct Standing {
+pub(super) struct Iterate {
     pub at: Vec<f64>,
     pub log_posterior: f64,
     pub followed: Vec<Followed>,
 }
 
-impl Standing {
+impl Iterate {
     pub fn runs(&self) -> Vec<(Noise, Start)> {
         runs_of(&self.followed)
     }
@@ -81,7 +81,11 @@ impl Problem<'_> {
     }
 
     /// The same without what they say of parameters.
-    pub fn passes_alone(&self, at: &[f64], runs: &[(Noise, Start)]) -> Result<Passes, PredictionError> {
+    pub fn passes_without_columns(
+        &self,
+        at: &[f64],
+        runs: &[(Noise, Start)],
+    ) -> Result<Passes, PredictionError> {
         self.each_pass(at, runs, |case, _, (noise, start)| Ok(pass_near(case, noise, start, None)))
     }
 

@@ -3,33 +3,32 @@
 use nalgebra::{Cholesky, DMatrix};
 
 use super::Fitted;
-use super::climb::{Climbed, End};
-use super::problem::{Problem, Standing, runs_of};
+use super::ascent::{Ascent, End};
+use super::problem::{Iterate, Problem, runs_of};
 use crate::error::PredictionError;
 use crate::fitted::LARGEST_MISFIT;
 use crate::levels::{Followed, stands};
 
 /// Where a search ended.
 pub(super) struct Settled {
-    pub standing: Standing,
+    pub iterate: Iterate,
     /// The information on the parameters there, if it is known.
     pub information: Option<DMatrix<f64>>,
     pub stands: bool,
-    /// Too little was promised to become as likely as it should.
+    /// The predicted gain was too small to become as likely as it should.
     pub is_hopeless: bool,
 }
 
 impl Problem<'_> {
     /// The likeliest of these values with the levels that it shows.
-    pub fn begun(&self, starts: &[Vec<f64>]) -> Result<Standing, PredictionError> {
-        let mut best: Option<Standing> = None;
+    pub fn begun(&self, starts: &[Vec<f64>]) -> Result<Iterate, PredictionError> {
+        let mut best: Option<Iterate> = None;
         for at in starts {
             let followed = match self.followed(at, best.as_ref().map(|best| &best.followed[..])) {
                 Err(PredictionError::NoModel) => continue,
                 other => other?,
             };
-            let here =
-                Standing { log_posterior: self.log_posterior(at, &followed), at: at.clone(), followed };
+            let here = Iterate { log_posterior: self.log_posterior(at, &followed), at: at.clone(), followed };
             if best.as_ref().is_none_or(|best| here.log_posterior > best.log_posterior) {
                 best = Some(here);
             }
@@ -39,14 +38,14 @@ impl Problem<'_> {
 
     /// The same with the levels of a rival, of which only the likeliest needs its own: if it is not as likely as the rival, which it may
     /// be itself.
-    pub fn begun_beside(&self, starts: &[Vec<f64>], rival: &[Followed]) -> Result<Standing, PredictionError> {
+    pub fn begun_beside(&self, starts: &[Vec<f64>], rival: &[Followed]) -> Result<Iterate, PredictionError> {
         let runs = runs_of(rival);
         let mut best: Option<(f64, &Vec<f64>)> = None;
         if !starts.iter().any(|at| self.are_of(at, &runs)) {
             return self.begun(starts);
         }
         for at in starts {
-            let log = match self.passes_alone(at, &runs) {
+            let log = match self.passes_without_columns(at, &runs) {
                 Err(PredictionError::NoModel) => continue,
                 passes => passes?.log_likelihood(),
             };
@@ -62,37 +61,37 @@ impl Problem<'_> {
         } else {
             self.followed(at, Some(rival))?
         };
-        Ok(Standing { log_posterior: self.log_posterior(at, &followed), at: at.clone(), followed })
+        Ok(Iterate { log_posterior: self.log_posterior(at, &followed), at: at.clone(), followed })
     }
 
     /// Values and levels by turns, until both stand, or nothing likelier than `least` is in sight.
-    pub fn settled(&self, begun: Standing, least: f64) -> Result<Settled, PredictionError> {
+    pub fn settled(&self, begun: Iterate, least: f64) -> Result<Settled, PredictionError> {
         let settings = self.settings;
         let nothing_varies = self.parameters.is_empty();
         let mut best =
-            Settled { standing: begun, information: None, stands: nothing_varies, is_hopeless: false };
-        let mut levels = best.standing.clone();
+            Settled { iterate: begun, information: None, stands: nothing_varies, is_hopeless: false };
+        let mut levels = best.iterate.clone();
         let mut known = None;
         for round in 0..settings.fit_rounds {
             if best.stands {
                 break;
             }
-            let Climbed { at, starts, end, information, passes } =
-                self.climbed(&levels, known.take(), round == 0, least)?;
+            let Ascent { at, starts, end, information, passes } =
+                self.ascent(&levels, known.take(), round == 0, least)?;
             let is_top = end == End::Top;
             if end == End::Hopeless {
-                best.information = (at == best.standing.at).then_some(information);
+                best.information = (at == best.iterate.at).then_some(information);
                 best.is_hopeless = true;
                 break;
             }
             if at == levels.at {
                 if round == 0 && is_top {
-                    // Too little was promised for a rough look.
+                    // The predicted gain was too small for a rough look.
                     known = Some(passes);
                     continue;
                 }
                 // Levels that were found here are found again.
-                best.information = (at == best.standing.at).then_some(information);
+                best.information = (at == best.iterate.at).then_some(information);
                 best.stands = is_top && best.information.is_some();
                 break;
             }
@@ -105,9 +104,9 @@ impl Problem<'_> {
                     && stands(&a.noise, &b.noise, settings.level_stands)
             });
             let log_before = levels.log_posterior;
-            levels = Standing { log_posterior: self.log_posterior(&at, &followed), at, followed };
-            if levels.log_posterior > best.standing.log_posterior {
-                best.standing = levels.clone();
+            levels = Iterate { log_posterior: self.log_posterior(&at, &followed), at, followed };
+            if levels.log_posterior > best.iterate.log_posterior {
+                best.iterate = levels.clone();
                 // Levels that stand make the same of the parameters.
                 best.information = same.then_some(information);
             }
@@ -118,20 +117,20 @@ impl Problem<'_> {
     }
 
     /// The same values without disturbances, where there are any and the model is close to the recordings without them.
-    pub fn alone(&self, standing: &Standing) -> Option<Standing> {
-        let runs = &standing.followed;
-        let is_close = |run: &Followed| run.likelihood_alone.misfit() < LARGEST_MISFIT;
+    pub fn without_disturbance(&self, iterate: &Iterate) -> Option<Iterate> {
+        let runs = &iterate.followed;
+        let is_close = |run: &Followed| run.undisturbed_likelihood.misfit() < LARGEST_MISFIT;
         if !runs.iter().any(|run| run.noise.disturbance.is_some()) || !runs.iter().all(is_close) {
             return None;
         }
         let followed: Vec<Followed> = runs.iter().map(Followed::without_disturbance).collect();
-        let log_posterior = self.log_posterior(&standing.at, &followed);
-        Some(Standing { at: standing.at.clone(), log_posterior, followed })
+        let log_posterior = self.log_posterior(&iterate.at, &followed);
+        Some(Iterate { at: iterate.at.clone(), log_posterior, followed })
     }
 
     pub fn fitted(
         &self,
-        best: Standing,
+        best: Iterate,
         before: f64,
         information: &DMatrix<f64>,
         held: &[bool],

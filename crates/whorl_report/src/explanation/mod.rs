@@ -5,18 +5,18 @@ mod adoption;
 mod comparison;
 mod diagnosis;
 mod discovery;
+mod localisation;
 mod proposal;
 mod trends;
 mod versions;
-mod whereabouts;
 
 pub use adoption::adoption_html;
 pub use comparison::comparison_html;
 pub use diagnosis::diagnosis_html;
 pub use discovery::discovery_html;
+pub use localisation::localisation_html;
 pub use proposal::{NextPage, PlannedMotion, next_html};
 pub use trends::trends_html;
-pub use whereabouts::whereabouts_html;
 
 use crate::document::Document;
 use maud::Markup;

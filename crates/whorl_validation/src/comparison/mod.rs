@@ -87,13 +87,13 @@ pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Compariso
         Told::Innovation(innovation) => innovations.add(innovation),
         Told::Ahead(horizon, error) => errors.add(horizon, error),
     });
-    simulate(&case, &followed.noise_alone(), &followed.alone, &mut |error| {
+    simulate(&case, &followed.undisturbed_noise(), &followed.undisturbed, &mut |error| {
         errors.add(horizons_s.len(), error)
     });
 
     let white = if followed.noise.disturbance.is_some() {
         let mut alone = Innovations::new(&case);
-        predict(&case, &followed.noise_alone(), &followed.alone.start, &[], &mut |told| {
+        predict(&case, &followed.undisturbed_noise(), &followed.undisturbed.start, &[], &mut |told| {
             if let Told::Innovation(innovation) = told {
                 alone.add(innovation);
             }
@@ -108,9 +108,9 @@ pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Compariso
     } else {
         &recording.gyro_b_rad_s.time_s
     };
-    let bias = followed.alone.start.layout.gyro_bias();
+    let bias = followed.undisturbed.start.layout.gyro_bias();
     let bias = |axis: usize| {
-        followed.alone.start.beside.get(bias.start + axis).copied().filter(|_| !bias.is_empty())
+        followed.undisturbed.start.beside.get(bias.start + axis).copied().filter(|_| !bias.is_empty())
     };
     Ok(Comparison {
         run: recording.name.clone(),
@@ -119,7 +119,7 @@ pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Compariso
         remarks: remarks(&case, &followed.noise, &stated),
         channels,
         prediction,
-        absolute: Absolute::of(&followed.likelihood_alone, followed.alone.determined),
+        absolute: Absolute::of(&followed.undisturbed_likelihood, followed.undisturbed.determined),
         unexplained: Unexplained::of(&case, &followed),
         white,
         whiteness: innovations.tests(&case),

@@ -3,8 +3,8 @@
 mod comparisons;
 #[path = "../../../whorl_trajectory/src/tests/generator.rs"]
 mod generator;
+mod localisation;
 mod memory;
 mod pendulums;
 mod rigs;
 mod statistics;
-mod whereabouts;

@@ -329,7 +329,7 @@ impl Stand {
     }
 }
 
-/// What stands in for another effect has its rhythm and its place: a resonance the frequency and damping, and it hangs
+/// What stands in for another effect has its frequency and its place: a resonance the frequency and damping, and it hangs
 /// where masses hang; a machine the frequency of a draught, and a draught the phase of its strongest axis; a cable the
 /// heading at which another is relaxed.
 fn shared_shape(rival: &str, own: &Values) -> Values {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
-use whorl_diagnosis::{Diagnosis, Options, Prospect, Verdict, diagnose, prospects};
+use whorl_diagnosis::{Diagnosis, ExpectedInformation, Options, Verdict, diagnose, expected_information};
 use whorl_recording::Recording;
 
 use crate::cases::build::FollowUp;
@@ -163,9 +163,11 @@ fn proposed<'b>(built: &'b Built, diagnosis: &Diagnosis, threads: usize) -> Resu
         built.follow_ups.iter().filter_map(|f| Some((f, built.rehearsed(f, &leading)?))).unzip();
     let options = Options { threads, ..Options::default() };
     let sets = diagnosis.contenders();
-    let found = prospects(&built.training, &rehearsals, &built.model, &built.prior, &sets, &options)
-        .map_err(|e| e.to_string())?;
-    let worth = |p: &Prospect| (p.told_apart.unwrap_or(0.0), p.log_odds.unwrap_or(0.0), p.shown.len());
+    let found =
+        expected_information(&built.training, &rehearsals, &built.model, &built.prior, &sets, &options)
+            .map_err(|e| e.to_string())?;
+    let worth =
+        |p: &ExpectedInformation| (p.told_apart.unwrap_or(0.0), p.log_odds.unwrap_or(0.0), p.shown.len());
     follow_ups
         .into_iter()
         .zip(&found.with)

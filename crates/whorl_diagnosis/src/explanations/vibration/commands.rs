@@ -1,14 +1,14 @@
-//! What the valves' own rhythm leaves in fast samples.
+//! What the periodic pulses of the valves leave in fast samples.
 //!
 //! Pulses of jets come in slots, with all the harmonics of a slot, and sensors with filters, valves with delays and bodies
-//! that ring answer them a little differently from the model. All of that is an answer to a known input and no vibration:
-//! it is coherent with the pulses. So whatever of a channel a short linear filter of the pulses' torque explains is taken
-//! off before lines are looked for (the coherent part; Bendat and Piersol 2010, section 6.2).
+//! that ring respond to them a little differently from the model. All of that is a response to a known input and no vibration:
+//! it is coherent with the pulses. So the part of a channel that a short linear filter of the pulses' torque explains is
+//! subtracted before lines are looked for (the coherent part; Bendat and Piersol 2010, section 6.2).
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::Fast;
-use crate::layout::run::Run;
+use crate::bins::run::Run;
 use crate::whitening::mechanics::Mechanics;
 
 /// Samples by which an answer may lag behind the pulses.
@@ -53,9 +53,9 @@ pub(super) fn take_off(fast: &mut Fast<'_>, mechanics: &Mechanics) {
             .collect();
         for series in [along, integral] {
             for lag in 0..LAGS {
-                let late: Vec<f64> =
+                let delayed: Vec<f64> =
                     (0..series.len()).map(|i| i.checked_sub(lag).map_or(0.0, |at| series[at])).collect();
-                inputs.push(late);
+                inputs.push(delayed);
             }
         }
     }

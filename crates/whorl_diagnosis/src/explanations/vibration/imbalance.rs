@@ -29,7 +29,7 @@ pub(super) fn imbalance(
     let found = (0..wheels).filter_map(|wheel| {
         let mut fits = all_fits(wheel, 1.0);
         if one_size(&fits)?.0 > settings.window_nats {
-            // Where noise is louder than its high frequencies say, so is a rhythm that the wheel does not have.
+            // The same test at an order that no imbalance has measures how much louder the noise is here than at high frequencies.
             let beside: Vec<f64> =
                 BESIDE.iter().flat_map(|order| all_fits(wheel, *order)).map(|f| f.drop).collect();
             let level = (0.5 * beside.iter().sum::<f64>() / beside.len().max(1) as f64).max(1.0);

@@ -8,14 +8,14 @@ mod imbalance;
 mod line;
 
 use whorl_dynamics::Effect;
-use whorl_dynamics::effects::{Sighting, catalogue};
+use whorl_dynamics::effects::{Signature, catalogue};
 use whorl_trajectory::noise::typical_step_s;
 
 use crate::Settings;
+use crate::bins::motion::Motion;
+use crate::bins::run::Run;
 use crate::diagnosis::{Candidate, ParameterEstimate};
 use crate::explanations::place::Place;
-use crate::layout::motion::Motion;
-use crate::layout::run::Run;
 use crate::parameters::Point;
 use crate::whitening::columns::predict;
 use crate::whitening::mechanics::Mechanics;
@@ -83,7 +83,7 @@ impl<'a> Fast<'a> {
         Some(fast)
     }
 
-    /// Takes the mean of the surroundings off a series of the gyro or of the accelerometer, from this sample on.
+    /// Takes the local mean off a series of the gyro or of the accelerometer, from this sample on.
     fn fast_part(&self, values: &mut [f64], sensor: usize, from: usize) {
         let there = &self.there[sensor][from..from + values.len()];
         fast_part(values, there, self.step_s, half_window_s(&self.settings));
@@ -125,11 +125,11 @@ fn sample_clock(stamps_s: &[f64]) -> Option<(f64, f64)> {
             number += steps;
             expected_s += steps * step_s;
             expected_s += 0.05 * (t - expected_s);
-            let late_s = t - first_s;
+            let since_first_s = t - first_s;
             count += 1.0;
-            sums = (sums.0 + number, sums.1 + late_s);
+            sums = (sums.0 + number, sums.1 + since_first_s);
             squares += number * number;
-            products += number * late_s;
+            products += number * since_first_s;
         }
         let spread = squares - sums.0 * sums.0 / count;
         if spread <= 0.0 {
@@ -146,7 +146,7 @@ fn half_window_s(settings: &Settings) -> f64 {
     0.6 / settings.slowest_vibration_hz
 }
 
-/// Takes the mean of the surroundings off every value.
+/// Takes the local mean off every value.
 fn fast_part(values: &mut [f64], there: &[bool], step_s: f64, half_window_s: f64) {
     let half = (half_window_s / step_s).round().max(2.0) as usize;
     let mut sums = Vec::with_capacity(values.len() + 1);
@@ -201,7 +201,7 @@ pub(crate) struct Seen {
 /// Fast effects that the samples show about a model at a point: an unbalanced wheel, a vibration.
 pub(crate) fn fast_effects(place: Place<'_>, point: &Point, exclude: &[String]) -> Seen {
     let tested = |id: &str| {
-        place.layout.candidates.iter().any(|c| c.id == id)
+        place.design.candidates.iter().any(|c| c.id == id)
             || (!exclude.iter().any(|e| e == id) && !place.problem.reference.model.effects.contains_key(id))
     };
     let Some(mechanics) = place.problem.reference.model_at(point).ok().and_then(|m| Mechanics::new(&m).ok())
@@ -218,7 +218,7 @@ pub(crate) fn fast_effects(place: Place<'_>, point: &Point, exclude: &[String]) 
     let mut seen = Seen::default();
     // What turns with a wheel is taken off the samples before a line of its own is looked for.
     for effect in catalogue().iter().copied().filter(|effect| tested(effect.info().id)) {
-        if effect.sighting() == Some(Sighting::WheelTurn)
+        if effect.signature() == Some(Signature::WheelTurn)
             && let Some((wheel, row)) = imbalance::imbalance(&mut runs, &mechanics, effect)
         {
             seen.turning.push(wheel);
@@ -226,7 +226,8 @@ pub(crate) fn fast_effects(place: Place<'_>, point: &Point, exclude: &[String]) 
         }
     }
     for effect in catalogue().iter().copied().filter(|effect| tested(effect.info().id)) {
-        if let Some(Sighting::SensorLine { gyro, accelerometer, frequency, background }) = effect.sighting() {
+        if let Some(Signature::SensorLine { gyro, accelerometer, frequency, background }) = effect.signature()
+        {
             let ([a, b, c], [d, e, f]) = (gyro, accelerometer);
             let names = line::Names { amplitude: [a, b, c, d, e, f], frequency, background };
             seen.rows.extend(line::vibration(&runs, effect, &names));

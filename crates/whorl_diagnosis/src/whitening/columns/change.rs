@@ -11,9 +11,9 @@ use whorl_dynamics::gyrostat::MAX_WHEELS;
 
 use super::Linearised;
 use super::moved::{Moved, OneEffect, Way};
-use crate::layout::inputs::Inputs;
-use crate::layout::motion::{Hidden, Motion};
-use crate::layout::run::{Run, Wheels};
+use crate::bins::inputs::Inputs;
+use crate::bins::motion::{Hidden, Motion};
+use crate::bins::run::{Run, Wheels};
 use crate::whitening::mechanics::{HeldBack, Mechanics, StepEnvironments, Steps};
 
 /// How a run's prediction changes per unit of a column; what is empty does not change.

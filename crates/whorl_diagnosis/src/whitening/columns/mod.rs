@@ -12,9 +12,9 @@ use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_recording::{Channel, Component};
 
 use crate::DiagnosisError;
-use crate::layout::inputs::Inputs;
-use crate::layout::motion::Motion;
-use crate::layout::run::Run;
+use crate::bins::inputs::Inputs;
+use crate::bins::motion::Motion;
+use crate::bins::run::Run;
 use crate::parameters::{Point, Reference};
 use crate::whitening::filter::{Gains, RATE, System, WHEEL, across};
 use crate::whitening::mechanics::{Mechanics, Prediction};
@@ -50,15 +50,15 @@ pub(crate) fn group_response(
     pass(run, linearised, &changes(run, motion, linearised, moved))
 }
 
-/// What nobody has a formula for: what it adds at every node.
-pub(crate) enum Stray {
+/// An input that no formula of a model gives: what it adds at every node.
+pub(crate) enum UnmodelledInput {
     /// Torque on the body over every interval [N m].
     Torque(Vec<Vector3<f64>>),
     /// Torque on a wheel about its axis, its reaction on the body, over every interval [N m].
     Wheel(usize, Vec<f64>),
 }
 
-impl Stray {
+impl UnmodelledInput {
     fn change(&self, linearised: &Linearised) -> Change {
         let inverse = linearised.mechanics.inverse_inertia();
         let wheels = linearised.mechanics.model().wheels();
@@ -88,9 +88,13 @@ impl Stray {
     }
 }
 
-/// Whitened sensitivities to what has no formula.
-pub(crate) fn stray_response(run: &Run, linearised: &Linearised, strays: &[Stray]) -> Vec<Vec<Lanes>> {
-    let changes: Vec<Change> = strays.iter().map(|stray| stray.change(linearised)).collect();
+/// Whitened sensitivities to unmodelled inputs.
+pub(crate) fn unmodelled_input_response(
+    run: &Run,
+    linearised: &Linearised,
+    inputs: &[UnmodelledInput],
+) -> Vec<Vec<Lanes>> {
+    let changes: Vec<Change> = inputs.iter().map(|input| input.change(linearised)).collect();
     pass(run, linearised, &changes)
 }
 

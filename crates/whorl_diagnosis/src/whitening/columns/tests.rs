@@ -6,7 +6,7 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::change::{Change, changes};
 use super::moved::{Moved, Way};
-use super::{LANES, Linearised, Stray};
+use super::{LANES, Linearised, UnmodelledInput};
 use crate::evidence::problem::Problem;
 use crate::parameters::{Point, Reference};
 use crate::tests::generator::record;
@@ -118,10 +118,10 @@ fn what_acts_inside_changes_no_momentum() {
         model.mass_properties.inertia_b_kg_m2() * change.omega_dot[0] + of_wheels
     };
     for wheel in 0..model.wheels().len() {
-        let inside = Stray::Wheel(wheel, vec![0.01]).change(linear);
+        let inside = UnmodelledInput::Wheel(wheel, vec![0.01]).change(linear);
         assert!(inside.omega_dot[0].norm() > 1e-4 && momentum(&inside).norm() < 1e-9, "{inside:?}");
     }
     let torque = Vector3::new(0.003, -0.001, 0.002);
-    let outside = Stray::Torque(vec![torque]).change(linear);
+    let outside = UnmodelledInput::Torque(vec![torque]).change(linear);
     assert!((momentum(&outside) - torque).norm() < 1e-9, "{outside:?}");
 }

@@ -62,8 +62,8 @@ impl System<'_> {
         last.min(MOST_STATES - self.first_hidden())
     }
 
-    /// How far hidden states may be from rest at the start. What is left of an earlier motion pushes no harder than all there
-    /// is pushes in the run.
+    /// Standard deviation of hidden states at the start. The torque that an earlier motion leaves is taken to be no larger than
+    /// the largest torque of the run.
     pub(super) fn hidden_start_stddev(&self) -> Vec<f64> {
         let intervals = self.motion.omega.iter().zip(self.motion.omega.iter().skip(1)).enumerate();
         let strongest = |(k, (now, next)): (usize, (&Vector3<f64>, &Vector3<f64>))| {

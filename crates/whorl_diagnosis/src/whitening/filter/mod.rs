@@ -17,8 +17,8 @@ mod square;
 use nalgebra::Vector3;
 use whorl_recording::Component;
 
-use crate::layout::motion::Motion;
-use crate::layout::run::Run;
+use crate::bins::motion::Motion;
+use crate::bins::run::Run;
 use crate::whitening::mechanics::{Mechanics, Prediction};
 
 pub(crate) use linear::Linear;
@@ -35,7 +35,7 @@ pub(crate) const WHEEL: usize = 12;
 /// Room for all states: of eight wheels, a torque and hidden states of two effects.
 pub(crate) const MOST_STATES: usize = 32;
 
-/// A slow random torque that nobody has a name for: a first-order Markov process (an Ornstein-Uhlenbeck process; Gelb 1974,
+/// An unmodelled slow random torque: a first-order Markov process (an Ornstein-Uhlenbeck process; Gelb 1974,
 /// section 3.8).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Background {

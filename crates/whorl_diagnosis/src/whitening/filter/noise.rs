@@ -93,8 +93,8 @@ impl System<'_> {
         }
     }
 
-    /// Random-walk intensity of the rate while dry friction holds the body: what it pulls then balances all
-    /// else, up to its size either way, and no formula of the measured rate gives it [rad/s/sqrt(s)].
+    /// Random-walk intensity of the rate while dry friction holds the body: the friction then balances all other torques, up
+    /// to its size either way, and does not follow from the measured rate [rad/s/sqrt(s)].
     pub(crate) fn stiction_walk(&self, k: usize) -> f64 {
         let Settings { stands_rad_s, sticks_s, .. } = self.settings;
         let Some(rate) = self.motion.omega_mid.get(k).map(|w| w.norm()).filter(|w| *w < stands_rad_s) else {

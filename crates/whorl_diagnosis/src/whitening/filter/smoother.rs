@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DMatrixView, DVectorView, Vector3};
 
 use super::{ANGLE, Forward, Linear, RATE, System, WHEEL};
-use crate::layout::motion::Motion;
+use crate::bins::motion::Motion;
 
 /// Smoothed errors of the trajectory.
 #[derive(Debug, Clone, Default)]

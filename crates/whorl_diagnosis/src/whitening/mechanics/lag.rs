@@ -5,7 +5,7 @@
 
 use nalgebra::Vector3;
 
-use crate::layout::run::Run;
+use crate::bins::run::Run;
 
 /// Mean over the samples of every node of what a low-pass with time constant `tau_s` holds back of x, whose slope over
 /// interval `k` is `slope(k)` and which jumps by `jump(k)` at node `k`. It had settled when the run began.

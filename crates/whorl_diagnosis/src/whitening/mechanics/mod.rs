@@ -13,9 +13,9 @@ use whorl_dynamics::{Environment, Gyrostat, PlatformModel};
 use whorl_math::{quaternion_exp, vertical_b};
 
 use crate::DiagnosisError;
-use crate::layout::inputs::Inputs;
-use crate::layout::motion::Motion;
-use crate::layout::run::{Run, Wheels};
+use crate::bins::inputs::Inputs;
+use crate::bins::motion::Motion;
+use crate::bins::run::{Run, Wheels};
 
 pub(crate) use steps::{StepEnvironments, Steps};
 

@@ -6,8 +6,8 @@ use whorl_dynamics::effects::MAX_HIDDEN_STATES;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_math::{quaternion_exp, vertical_b};
 
-use crate::layout::motion::Motion;
-use crate::layout::run::{Run, Wheels};
+use crate::bins::motion::Motion;
+use crate::bins::run::{Run, Wheels};
 
 /// Longest step \[s\].
 const LONGEST_S: f64 = 0.012;

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use nalgebra::Vector3;
 
 use super::super::{
-    BasePrior, Clues, Contribution, Direction, Effect, Grouping, ParameterSpec, Part, Resonance, Rhythm,
-    Role, Sighting, catalogue,
+    BasePrior, Clues, Contribution, Direction, Effect, Grouping, ParameterSpec, Part, Periodicity, Resonance,
+    Role, Signature, catalogue,
 };
 use super::{neutral, platform, rich_run, specs, with_effect};
 use crate::ModelPrior;
@@ -119,23 +119,27 @@ fn names_that_effects_give_are_those_of_their_parameters() {
             }
             Grouping::All | Grouping::EachAndPairs => {}
         }
-        match effect.sighting() {
-            Some(Sighting::GyroDigits { range, step }) => assert!(has(range) && has(step), "{id}"),
-            Some(Sighting::WheelTurn) => {
+        match effect.signature() {
+            Some(Signature::GyroDigits { range, step }) => assert!(has(range) && has(step), "{id}"),
+            Some(Signature::WheelTurn) => {
                 assert!(specs.iter().enumerate().all(|(j, spec)| spec.part == Part::Wheel(j)), "{id}");
             }
-            Some(Sighting::GimbalDrag) => {
+            Some(Signature::GimbalDrag) => {
                 let parts = specs.iter().enumerate().all(|(i, spec)| spec.part == Part::Gyro(i / 2));
                 assert!(parts && specs.len() == 4, "{id}");
             }
-            Some(Sighting::SensorLine { gyro, accelerometer, frequency, background }) => {
+            Some(Signature::SensorLine { gyro, accelerometer, frequency, background }) => {
                 assert!(gyro.iter().chain(&accelerometer).all(|name| has(name)), "{id}");
                 assert!(has(frequency) && has(background), "{id}");
             }
             None => {}
         }
         let values: Vec<f64> = specs.iter().map(|spec| spec.neutral).collect();
-        assert_eq!(effect.imposed_hz(&values).is_some(), effect.rhythm() == Some(Rhythm::Torque), "{id}");
+        assert_eq!(
+            effect.imposed_hz(&values).is_some(),
+            effect.periodicity() == Some(Periodicity::Torque),
+            "{id}"
+        );
     }
 }
 
@@ -163,7 +167,7 @@ fn effects_are_absent_where_they_start() {
 /// Sine and cosine that are fitted about each axis come together in one phase.
 #[test]
 fn a_sine_and_a_cosine_are_one_periodic_torque() {
-    let effect = catalogue().iter().find(|effect| effect.rhythm() == Some(Rhythm::Torque)).unwrap();
+    let effect = catalogue().iter().find(|effect| effect.periodicity() == Some(Periodicity::Torque)).unwrap();
     let (amplitude, phase_rad): ([f64; 3], f64) = ([0.02, -0.05, 0.01], 0.4);
     let start = effect.starts(&platform(), &CLUES).unwrap().remove(0);
     // a sin(x + phase) = a cos(phase) sin(x) + a sin(phase) cos(x): the starts come as pairs.
@@ -190,7 +194,7 @@ fn effects_with_states_of_their_own_are_not_fed_forward() {
     for effect in catalogue() {
         if effect.is_fed_forward(&model) {
             assert_eq!(effect.hidden_states(&model), 0, "{}", effect.info().id);
-            assert_ne!(effect.rhythm(), Some(Rhythm::Torque), "{}", effect.info().id);
+            assert_ne!(effect.periodicity(), Some(Periodicity::Torque), "{}", effect.info().id);
         }
     }
 }

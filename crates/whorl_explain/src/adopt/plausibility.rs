@@ -4,7 +4,7 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_math::three_digits;
 
 /// Prior standard deviations beyond which a mass property is implausible.
-const BEYOND_BELIEF: f64 = 12.0;
+const IMPLAUSIBLE: f64 = 12.0;
 
 /// The parameter of mass properties, wheels and jets that a fit has moved farthest: its name, and the change in prior
 /// standard deviations.
@@ -40,7 +40,7 @@ pub fn strangest(model: &PlatformModel, prior: &ModelPrior, fitted: &PlatformMod
     let parts = mass_properties(model, prior, fitted);
     let sigmas = |part: &(String, f64, f64, f64)| (part.2 - part.1).abs() / part.3;
     let worst = parts.into_iter().max_by(|a, b| sigmas(a).total_cmp(&sigmas(b)))?;
-    (sigmas(&worst) > BEYOND_BELIEF).then(|| {
+    (sigmas(&worst) > IMPLAUSIBLE).then(|| {
         format!(
             "the fit asks for {} = {}, and the model says {} +- {}: {:.0} standard deviations. Are these data of \
              another platform? Or is the excitation too weak to estimate it: add a run with more motion",

@@ -12,18 +12,18 @@ use whorl_dynamics::effects::{BasePrior, Role};
 
 use crate::DiagnosisError;
 use crate::evidence::discrepancy::{Discrepancy, Signal};
-use crate::evidence::problem::{Dataset, Problem, Trust};
+use crate::evidence::problem::{Dataset, Problem, ProcessNoise};
 use crate::evidence::regression::Normal;
-use crate::explanations::candidates::Layout;
+use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::Hypothesis;
 use crate::parameters::{Column, Point, Target, is_base};
 use crate::search::Search;
-use crate::search::climb::Noise;
 use crate::search::converge::{Descended, at_itself};
-use crate::search::standing::{Converged, Standing};
+use crate::search::noise_optimisation::Noise;
+use crate::search::score::{Converged, Score};
 use crate::search::step::dataset;
 
-/// What a column is an input of: known signals that enter by the platform's own constants.
+/// Index of the known input (the jets, then wheels, then rotors of gyros) of which a column is the constant.
 fn input_of(problem: &Problem, column: &Column) -> Option<usize> {
     let Target::Effect(effect) = column.target else { return None };
     let spec = effect.parameters(&problem.reference.model).into_iter().nth(column.index)?;
@@ -38,9 +38,9 @@ fn input_of(problem: &Problem, column: &Column) -> Option<usize> {
 impl Problem {
     /// The signals that may differ slowly from their formulas: of each effect that a point holds, of the jets together and
     /// of each wheel.
-    pub(crate) fn signals(&self, point: &Point, layout: &Layout) -> Vec<Signal> {
+    pub(crate) fn signals(&self, point: &Point, design: &Design) -> Vec<Signal> {
         let mut named: Vec<(String, Signal)> = Vec::new();
-        for (i, column) in layout.columns.iter().enumerate() {
+        for (i, column) in design.columns.iter().enumerate() {
             let Target::Effect(effect) = column.target else { continue };
             let (name, size) = if let Some(input) = input_of(self, column) {
                 // All of the signal: a relative change by one.
@@ -72,11 +72,11 @@ impl Problem {
     }
 
     /// What is needed to integrate over errors of formulas in a regression at a point.
-    pub(crate) fn discrepancy(&self, data: &Dataset, point: &Point, layout: &Layout) -> Discrepancy {
-        let node_s: Vec<f64> = self.runs.iter().map(crate::layout::run::Run::node_s).collect();
-        let signals = self.signals(point, layout);
+    pub(crate) fn discrepancy(&self, data: &Dataset, point: &Point, design: &Design) -> Discrepancy {
+        let node_s: Vec<f64> = self.runs.iter().map(crate::bins::run::Run::node_s).collect();
+        let signals = self.signals(point, design);
         let block_s = self.reference.settings.model_discrepancy_s;
-        Discrepancy::new(&data.whitened, &node_s, &signals, layout.columns.len(), block_s, self.threads)
+        Discrepancy::new(&data.whitened, &node_s, &signals, design.columns.len(), block_s, self.threads)
     }
 
     /// The normal equations of a regression with errors of formulas of this relative size integrated out, and what the
@@ -85,13 +85,13 @@ impl Problem {
         &self,
         data: &Dataset,
         point: &Point,
-        layout: &Layout,
+        design: &Design,
         relative_error: f64,
     ) -> (Normal, f64) {
         if relative_error <= 0.0 {
             return (data.total.clone(), 0.0);
         }
-        self.discrepancy(data, point, layout).integrated(&data.total, relative_error)
+        self.discrepancy(data, point, design).integrated(&data.total, relative_error)
     }
 }
 
@@ -129,8 +129,8 @@ fn deviations(fit: &Hypothesis, columns: usize) -> Vec<f64> {
 }
 
 impl Search<'_> {
-    /// Weighs a set where it fits best, with the noise that is likeliest there.
-    pub(crate) fn weighed(
+    /// Evaluates a set where it fits best, with the noise that is likeliest there.
+    pub(crate) fn evaluated(
         &self,
         mut set: Descended,
         mut noise: Noise,
@@ -139,73 +139,73 @@ impl Search<'_> {
         let mut problem = problem.clone();
         problem.motions = Arc::clone(&set.motions);
         problem.nuisance = noise.sizes;
-        noise.colours = self.colours_as_before(noise.colours);
-        if set.nuisance != noise.sizes || set.data.colours != noise.colours {
-            set.data = dataset(&problem, &set.point, &set.layout, Some(noise.colours))?;
+        noise.ar_models = self.ar_models_as_before(noise.ar_models);
+        if set.nuisance != noise.sizes || set.data.ar_models != noise.ar_models {
+            set.data = dataset(&problem, &set.point, &set.design, Some(noise.ar_models))?;
             set.nuisance = noise.sizes;
         }
-        let of_data = problem.discrepancy(&set.data, &set.point, &set.layout);
+        let of_data = problem.discrepancy(&set.data, &set.point, &set.design);
         let held = match self.held_out.as_deref() {
             Some(held) => {
                 let mut held = held.clone();
                 (held.threads, held.nuisance) = (problem.threads, problem.nuisance);
-                held.smooth(&set.point, Trust::AsDataSay)?;
-                let colours = self.held_colours_as_before(held.colours_at(&set.point)?);
-                let data = dataset(&held, &set.point, &set.layout, Some(colours))?;
-                let of_data = held.discrepancy(&data, &set.point, &set.layout);
+                held.smooth(&set.point, ProcessNoise::Estimated)?;
+                let ar_models = self.held_ar_models_as_before(held.ar_models_at(&set.point)?);
+                let data = dataset(&held, &set.point, &set.design, Some(ar_models))?;
+                let of_data = held.discrepancy(&data, &set.point, &set.design);
                 Some((data, of_data))
             }
             None => None,
         };
         let both = Both { set: &set, of_data, held };
         let discrepancies = &self.options.settings.model_discrepancies;
-        let standings: Vec<(Standing, Hypothesis)> =
-            discrepancies.iter().filter_map(|error| self.standing_with(&both, *error)).collect();
-        let of = |standing: &(Standing, Hypothesis)| standing.0.log_evidence;
-        let Some((best, fit)) = standings.iter().max_by(|a, b| of(a).total_cmp(&of(b))) else {
+        let scores: Vec<(Score, Hypothesis)> =
+            discrepancies.iter().filter_map(|error| self.score_with(&both, *error)).collect();
+        let of = |score: &(Score, Hypothesis)| score.0.log_evidence;
+        let Some((best, fit)) = scores.iter().max_by(|a, b| of(a).total_cmp(&of(b))) else {
             return Ok(None);
         };
         // Each error is as likely as the others.
-        let sum: f64 = standings.iter().map(|s| (of(s) - best.log_evidence).exp()).sum();
+        let sum: f64 = scores.iter().map(|s| (of(s) - best.log_evidence).exp()).sum();
         let choices = (discrepancies.len() as f64).ln();
-        let standing = Standing {
+        let score = Score {
             log_evidence: best.log_evidence + sum.ln() - choices + problem.log_prior(set.nuisance),
             ..*best
         };
-        let stddevs = deviations(fit, set.layout.columns.len());
-        let held_colours = both.held.map(|(data, _)| data.colours);
-        let Descended { names, point, motions, layout, members, data, .. } = set;
-        let colours = data.colours;
+        let stddevs = deviations(fit, set.design.columns.len());
+        let held_ar_models = both.held.map(|(data, _)| data.ar_models);
+        let Descended { names, point, motions, design, terms, data, .. } = set;
+        let ar_models = data.ar_models;
         Ok(Some(Converged {
             names,
-            standing,
+            score,
             point,
             motions,
-            layout,
-            members,
+            design,
+            terms,
             stddevs,
-            colours,
-            held_colours,
+            ar_models,
+            held_ar_models,
             judged: None,
         }))
     }
 
-    /// How a set stands with formulas that err by so much, and its fit to the training data.
-    fn standing_with(&self, both: &Both<'_>, relative_error: f64) -> Option<(Standing, Hypothesis)> {
+    /// Score of a set with formulas of this relative error, and its fit to the training data.
+    fn score_with(&self, both: &Both<'_>, relative_error: f64) -> Option<(Score, Hypothesis)> {
         let set = both.set;
-        let layout = &set.layout;
+        let design = &set.design;
         let (training, log_density, all, log_density_of_all) = both.integrated(relative_error);
-        let own = Hypothesis::free(layout, &training, set.members.clone())?;
-        let (misfit, at) = at_itself(self, layout, &training, &own, &set.point, false)?;
-        let joint = Hypothesis::of(layout, &all, set.members.clone())?.resized(layout, &all);
-        if joint.members.len() < set.members.len() {
+        let own = Hypothesis::free(design, &training, set.terms.clone())?;
+        let (misfit, at) = at_itself(self, design, &training, &own, &set.point, false)?;
+        let joint = Hypothesis::of(design, &all, set.terms.clone())?.resized(design, &all);
+        if joint.terms.len() < set.terms.len() {
             return None;
         }
-        let (joint_misfit, _) = at_itself(self, layout, &all, &joint, &at, true)?;
-        // Occam's factor and the price of choices, beside the likelihood.
+        let (joint_misfit, _) = at_itself(self, design, &all, &joint, &at, true)?;
+        // Occam's factor and the log-prior penalty of choices, beside the likelihood.
         let occam = joint.log_evidence - 0.5 * joint.estimate.drop;
-        let mut values = DVector::zeros(layout.columns.len());
-        for (slot, column) in values.iter_mut().zip(&layout.columns) {
+        let mut values = DVector::zeros(design.columns.len());
+        for (slot, column) in values.iter_mut().zip(&design.columns) {
             *slot = self.problem.reference.distance(&at, column);
         }
         let held_log_likelihood = both.held.as_ref().map(|_| {
@@ -213,16 +213,16 @@ impl Search<'_> {
             held.add(&training, -1.0);
             log_density_of_all - log_density - 0.5 * held.misfit_at(&values)
         });
-        let standing = Standing {
+        let score = Score {
             log_evidence: occam + log_density_of_all - 0.5 * joint_misfit,
             training_evidence: set.log_evidence,
             log_likelihood: log_density - 0.5 * misfit,
             held_log_likelihood,
             misfit,
-            promise: set.promise,
+            predicted_decrease: set.predicted_decrease,
             relative_error,
             nuisance: set.nuisance,
         };
-        Some((standing, own))
+        Some((score, own))
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::evidence::colour::{Colours, colour_log_density, coloured, colours_of, rows_by_reading};
+use crate::evidence::ar_noise::{ArModels, ar_log_density, ar_models_of, rows_by_reading, whiten_series};
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::Problem;
 use crate::parameters::Point;
@@ -11,7 +11,7 @@ use crate::whitening::filter::{Linear, System};
 use crate::whitening::mechanics::Mechanics;
 use crate::{DiagnosisError, threads};
 
-/// Sizes of the slow random torque among which a climb looks.
+/// Sizes of the slow random torque over which the noise is optimised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Sizes {
     /// Of what is background.
@@ -24,8 +24,8 @@ pub(crate) enum Sizes {
 pub(crate) struct Noise {
     /// Beside what the model states.
     pub sizes: Nuisance,
-    /// What the innovations have of colour beside it.
-    pub colours: Colours,
+    /// AR models of the innovations with it.
+    pub ar_models: ArModels,
 }
 
 /// What linearised runs may hold together, their measurements apart \[bytes\]. Those of a quarter of an hour fit for every kind of
@@ -69,7 +69,7 @@ impl Linears {
 }
 
 impl Problem {
-    /// The noise beside what the model states that is likeliest with the model at a point, its prior included: a climb
+    /// The noise beside what the model states that is likeliest with the model at a point, its prior included: an optimisation
     /// from the noise in use and from some other kinds, step by step along each of its sizes.
     pub fn likeliest_noise(
         &self,
@@ -79,11 +79,11 @@ impl Problem {
     ) -> Result<Noise, DiagnosisError> {
         let mut starts = self.nuisance.starts();
         starts.extend(others);
-        Ok(self.climb(point, &starts, sizes)?.0)
+        Ok(self.optimise_noise(point, &starts, sizes)?.0)
     }
 
-    /// Colours that the innovations have with the model at a point, beside the noise in use.
-    pub fn colours_at(&self, point: &Point) -> Result<Colours, DiagnosisError> {
+    /// AR models of the innovations with the model at a point and the noise in use.
+    pub fn ar_models_at(&self, point: &Point) -> Result<ArModels, DiagnosisError> {
         let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
         let all: Vec<_> = self.runs.iter().zip(self.motions.iter()).enumerate().collect();
         Ok(threads::map(self.threads, &all, |(r, (run, motion))| {
@@ -92,16 +92,16 @@ impl Problem {
             let system = System { run, motion, mechanics: &mechanics, prediction: &prediction, settings };
             let linear = system.linear();
             let rows = rows_by_reading(linear.rows().iter().map(|row| row.reading));
-            colours_of(&system.innovations(&linear).0, &rows, &self.reference.settings)
+            ar_models_of(&system.innovations(&linear).0, &rows, &self.reference.settings)
         }))
     }
 
-    /// Climbs from the likeliest of several kinds of noise; where the climb ends, and the logarithm of the density with the
+    /// Optimises the noise from the likeliest of several initial guesses; where that ends, and the logarithm of the density with the
     /// noise in use.
     ///
-    /// What is coloured in the innovations depends on how much torque the filter expects, and on what the model lacks: each kind
-    /// of noise is judged with the colours that the innovations have beside it, at this point.
-    pub fn climb(
+    /// The AR models of the innovations depend on how much torque the filter expects, and on what the model lacks: each kind
+    /// of noise is evaluated with the AR models that the innovations have with it, at this point.
+    pub fn optimise_noise(
         &self,
         point: &Point,
         starts: &[Nuisance],
@@ -126,7 +126,7 @@ impl Problem {
             .collect()
         };
         let mut linears = Linears::within(MOST_BYTES);
-        let mut known: BTreeMap<Nuisance, (f64, Colours)> = BTreeMap::new();
+        let mut known: BTreeMap<Nuisance, (f64, ArModels)> = BTreeMap::new();
         let mut posterior = |nuisance: Nuisance| -> f64 {
             if let Some((found, _)) = known.get(&nuisance) {
                 return *found;
@@ -135,19 +135,19 @@ impl Problem {
             let systems = systems(nuisance);
             let linear = linears.of(kind, &systems, self.threads);
             let all: Vec<_> = systems.into_iter().zip(linear.iter()).collect();
-            let (densities, colours): (Vec<f64>, Colours) =
+            let (densities, ar_models): (Vec<f64>, ArModels) =
                 threads::map(self.threads, &all, |(system, linear)| {
                     let (mut innovations, log_density) = system.innovations(linear);
                     let rows = rows_by_reading(linear.rows().iter().map(|row| row.reading));
-                    let colours = colours_of(&innovations, &rows, &self.reference.settings);
-                    coloured(&mut innovations, &rows, &colours);
+                    let ar_models = ar_models_of(&innovations, &rows, &self.reference.settings);
+                    whiten_series(&mut innovations, &rows, &ar_models);
                     let misfit: f64 = innovations.iter().map(|e| e * e).sum();
-                    (log_density + colour_log_density(&rows, &colours) - 0.5 * misfit, colours)
+                    (log_density + ar_log_density(&rows, &ar_models) - 0.5 * misfit, ar_models)
                 })
                 .into_iter()
                 .unzip();
             let found = densities.iter().sum::<f64>() + self.log_prior(nuisance);
-            known.insert(nuisance, (found, colours));
+            known.insert(nuisance, (found, ar_models));
             found
         };
         let in_use = posterior(self.nuisance);
@@ -175,7 +175,7 @@ impl Problem {
             }
         }
         let (sizes, _) = likeliest;
-        let colours = known.remove(&sizes).map(|(_, colours)| colours).unwrap_or_default();
-        Ok((Noise { sizes, colours }, in_use))
+        let ar_models = known.remove(&sizes).map(|(_, ar_models)| ar_models).unwrap_or_default();
+        Ok((Noise { sizes, ar_models }, in_use))
     }
 }

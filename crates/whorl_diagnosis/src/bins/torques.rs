@@ -1,9 +1,9 @@
-//! How large the torques were that turned platform and wheels.
+//! RMS of the torques applied to platform and wheels.
 
-use crate::layout::motion::Motion;
-use crate::layout::run::Run;
+use crate::bins::motion::Motion;
+use crate::bins::run::Run;
 
-/// Root mean square of the torques that were at work.
+/// Root mean square of the applied torques.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Torques {
     /// On the body [N m].
@@ -13,18 +13,18 @@ pub(crate) struct Torques {
 }
 
 impl Torques {
-    /// Rates are compared over `at_work_s`, one interval at least.
+    /// Rates are compared over `interval_s`, one interval at least.
     pub fn of(
         runs: &[Run],
         motions: &[Motion],
         model: &whorl_dynamics::PlatformModel,
-        at_work_s: f64,
+        interval_s: f64,
     ) -> Self {
         let inertia = model.mass_properties.inertia_b_kg_m2();
         let (mut body, mut count) = (0.0, 0.0);
         let mut wheel = vec![0.0; model.wheels().len()];
         for (run, motion) in runs.iter().zip(motions) {
-            let apart = ((at_work_s / run.node_s().max(1e-9)).round() as usize).max(1);
+            let apart = ((interval_s / run.node_s().max(1e-9)).round() as usize).max(1);
             for k in (apart..run.nodes()).step_by(apart) {
                 let time_s = (run.time(k) - run.time(k - apart)).max(1e-9);
                 if let (Some(before), Some(after)) = (motion.omega.get(k - apart), motion.omega.get(k)) {

@@ -2,7 +2,7 @@
 
 use whorl_explain::Located;
 use whorl_validation::dependence::{Dependence, Dependences, Frame};
-use whorl_validation::{UnexplainedTorques, Whereabouts};
+use whorl_validation::{Localisation, UnexplainedTorques};
 
 use super::{Facts, facts};
 use crate::document::{Document, code, number, text};
@@ -14,7 +14,7 @@ const DRAWN: usize = 4;
 
 /// The page as one self-contained HTML document.
 #[must_use]
-pub fn whereabouts_html(found: &Located, about: &Facts) -> String {
+pub fn localisation_html(found: &Located, about: &Facts) -> String {
     let mut page = Document::new("Where does the model fail?");
     for sentence in found.pooled.answer() {
         page.paragraph("answer", &sentence);
@@ -45,7 +45,7 @@ pub fn whereabouts_html(found: &Located, about: &Facts) -> String {
     page.finish()
 }
 
-fn section(page: &mut Document, run: &Whereabouts) {
+fn section(page: &mut Document, run: &Localisation) {
     if !run.is_anything_left() {
         return;
     }

@@ -6,8 +6,8 @@ use whorl_recording::Recording;
 /// Fewest samples that are worth a correlation.
 const LEAST: usize = 500;
 
-/// Whether changes of the wheels' commands follow changes of the gyro's readings sample by sample: what changes from
-/// sample to sample is mostly noise, and only a controller knows it.
+/// Whether changes of the wheels' commands follow changes of the gyro's readings sample by sample: these are mostly
+/// noise, to which only a controller responds.
 pub(crate) fn answers_gyro(recording: &Recording, model: &PlatformModel, least_correlation: f64) -> bool {
     let (gyro, commands) = (&recording.gyro_b_rad_s, &recording.wheel_torque_command_n_m);
     // The reading that a command may have known.

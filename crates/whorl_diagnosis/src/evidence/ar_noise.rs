@@ -1,4 +1,4 @@
-//! Colours: what noise remembers from sample to sample, as autoregressive models of each channel's innovations.
+//! Autoregressive (AR) models of the innovations of each channel: the correlation of noise from sample to sample.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use crate::Settings;
 /// Highest order of the model of coloured noise.
 const ORDER: usize = 6;
 
-/// Stretches of a run from which the colour of its noise is estimated.
+/// Stretches of a run from which the AR model of its noise is estimated.
 const STRETCHES: usize = 8;
 
 /// Rows of each component, in order; components in their own order.
@@ -23,27 +23,27 @@ pub(crate) fn rows_by_reading(readings: impl Iterator<Item = Component>) -> Vec<
 }
 
 /// Passes a series of readings through the filters of coloured noise.
-pub(crate) fn coloured(series: &mut [f64], rows: &[Vec<usize>], colours: &[Colour]) {
-    for (rows, colour) in rows.iter().zip(colours) {
-        colour.whiten(rows, series, |y, x, factor| *y += factor * x, |y, factor| *y *= factor);
+pub(crate) fn whiten_series(series: &mut [f64], rows: &[Vec<usize>], ar_models: &[ArModel]) {
+    for (rows, ar_model) in rows.iter().zip(ar_models) {
+        ar_model.whiten(rows, series, |y, x, factor| *y += factor * x, |y, factor| *y *= factor);
     }
 }
 
-/// Log density that the sizes of these colours give the innovations of a run, where these are zero.
-pub(crate) fn colour_log_density(rows: &[Vec<usize>], colours: &[Colour]) -> f64 {
-    rows.iter().zip(colours).map(|(rows, colour)| -(rows.len() as f64) * colour.stddev.ln()).sum()
+/// Log density that the innovation sizes of these AR models give the innovations of a run, where these are zero.
+pub(crate) fn ar_log_density(rows: &[Vec<usize>], ar_models: &[ArModel]) -> f64 {
+    rows.iter().zip(ar_models).map(|(rows, ar_model)| -(rows.len() as f64) * ar_model.stddev.ln()).sum()
 }
 
-/// Colour of one channel's whitened innovation: an autoregressive model and its innovation's size.
+/// AR model of one channel's whitened innovation, and the size of its own innovation.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(crate) struct Colour {
+pub(crate) struct ArModel {
     pub coefficients: Vec<f64>,
     pub stddev: f64,
     /// Power of the innovation, over that of white noise of the measured size.
     pub power: f64,
 }
 
-impl Colour {
+impl ArModel {
     /// From a residual, by Yule-Walker; the order by Akaike's criterion.
     pub fn of(residual: &[f64], settings: &Settings) -> Self {
         let n = residual.len();
@@ -60,7 +60,7 @@ impl Colour {
             let limit = 5.0 * power.sqrt();
             residual.iter().map(|e| e.max(-limit).min(limit)).collect()
         };
-        // What is slower than a few dozen samples is a torque or a bias, and no colour of a sensor's noise.
+        // What is slower than a few dozen samples is a torque or a bias, and no correlation of a sensor's noise.
         let clipped = without_slow_part(&clipped, settings.ar_window_samples.round() as usize);
         // The median over stretches: what a model lacks for a while is no noise.
         let stretch = n.div_ceil(STRETCHES).max(50);
@@ -96,8 +96,8 @@ impl Colour {
                 best = Self { coefficients: a.clone(), stddev: power.sqrt().max(1e-3), power: r[0] };
             }
         }
-        // Innovations smaller than the measured noise come of too much random torque in the filter: readings are no better
-        // than their second differences, and divided by less, the torque would never be found to be too much.
+        // Innovations smaller than the measured noise are a sign of too much random torque in the filter: readings are no
+        // better than their second differences. If innovations were scaled up here, the excess torque would never be found.
         best.stddev /= r[0].clamp(1e-6, 1.0).sqrt();
         best
     }
@@ -127,23 +127,23 @@ impl Colour {
     }
 }
 
-/// Colours of each channel of each run.
-pub(crate) type Colours = Vec<Vec<Colour>>;
+/// AR model of each channel of each run.
+pub(crate) type ArModels = Vec<Vec<ArModel>>;
 
 /// Relative difference of two sizes of innovations that changes no answer: that of a standard deviation from 1,000 samples.
 const ALIKE: f64 = 0.02;
 
-/// Whether two estimates of the same colours give innovations of the same size.
-pub(crate) fn alike(one: &Colours, other: &Colours) -> bool {
+/// Whether two estimates of the same AR models give innovations of the same size.
+pub(crate) fn alike(one: &ArModels, other: &ArModels) -> bool {
     let mut all = one.iter().flatten().zip(other.iter().flatten());
     one.len() == other.len() && all.all(|(a, b)| (a.stddev / b.stddev - 1.0).abs() < ALIKE)
 }
 
-/// Colours of a run's series of readings, whose rows are given by component.
-pub(crate) fn colours_of(series: &[f64], rows: &[Vec<usize>], settings: &Settings) -> Vec<Colour> {
+/// AR models of a run's series of readings, whose rows are given by component.
+pub(crate) fn ar_models_of(series: &[f64], rows: &[Vec<usize>], settings: &Settings) -> Vec<ArModel> {
     let of_component = |rows: &Vec<usize>| {
         let own: Vec<f64> = rows.iter().filter_map(|row| series.get(*row).copied()).collect();
-        Colour::of(&own, settings)
+        ArModel::of(&own, settings)
     };
     rows.iter().map(of_component).collect()
 }
@@ -176,11 +176,11 @@ mod tests {
             let uniform = (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5;
             x[k] = 0.8 * x[k - 1] + uniform * 12f64.sqrt();
         }
-        let colour = Colour::of(&x, &Settings::default());
-        assert!((colour.coefficients[0] - 0.8).abs() < 0.08, "{colour:?}");
+        let ar_model = ArModel::of(&x, &Settings::default());
+        assert!((ar_model.coefficients[0] - 0.8).abs() < 0.08, "{ar_model:?}");
         let rows: Vec<usize> = (0..x.len()).collect();
         let mut y = x.clone();
-        colour.whiten(&rows, &mut y, |y, x, f| *y += f * x, |y, f| *y *= f);
+        ar_model.whiten(&rows, &mut y, |y, x, f| *y += f * x, |y, f| *y *= f);
         let power: f64 = y.iter().map(|v| v * v).sum::<f64>() / y.len() as f64;
         let lag: f64 = y.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / y.len() as f64;
         assert!((power - 1.0).abs() < 0.05 && lag.abs() < 0.1, "{power} {lag}");

@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::problem::{Problem, Standing};
+use super::problem::{Iterate, Problem};
 use crate::error::PredictionError;
 use crate::noise::Noise;
 use crate::passes::Passes;
@@ -16,7 +16,7 @@ const SHARES_OF_A_STEP: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
 const AS_SAID: f64 = 0.25;
 
 /// Where values are likeliest at fixed levels.
-pub(super) struct Climbed {
+pub(super) struct Ascent {
     pub at: Vec<f64>,
     /// The recordings' starts there.
     pub starts: Vec<Start>,
@@ -36,20 +36,20 @@ struct Place {
 }
 
 impl Place {
-    fn ended(self, end: End, information: DMatrix<f64>) -> Climbed {
+    fn ended(self, end: End, information: DMatrix<f64>) -> Ascent {
         let starts = self.runs.into_iter().map(|(_, start)| start).collect();
-        Climbed { at: self.at, starts, end, information, passes: self.passes }
+        Ascent { at: self.at, starts, end, information, passes: self.passes }
     }
 }
 
-/// How a climb ends.
+/// How an ascent ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum End {
-    /// Nothing likelier is promised.
+    /// No further gain is predicted.
     Top,
-    /// Too little is promised to become as likely as it should.
+    /// The predicted gain is too small to become as likely as it should.
     Hopeless,
-    /// What is promised is not found.
+    /// The predicted gain is not found.
     Stuck,
     /// It took as many steps as it may.
     Steps,
@@ -57,13 +57,13 @@ pub(super) enum End {
 
 impl Problem<'_> {
     /// The likeliest values with these levels: roughly while levels are those of another model. `known`: what passes say where it begins.
-    pub fn climbed(
+    pub fn ascent(
         &self,
-        begun: &Standing,
+        begun: &Iterate,
         known: Option<Passes>,
         roughly: bool,
         least: f64,
-    ) -> Result<Climbed, PredictionError> {
+    ) -> Result<Ascent, PredictionError> {
         let (settings, parameters) = (self.settings, self.parameters);
         let stands_nats = if roughly { settings.fit_round_nats } else { settings.fit_stands_nats };
         let (at, runs) = (begun.at.clone(), begun.runs());
@@ -76,16 +76,16 @@ impl Problem<'_> {
             let held = self.held(&here.at, &slope);
             let information = passes.information(parameters);
             let Some(step) = solved(&information, &slope, &held) else { break };
-            let promised = 0.5 * step.dot(&slope);
-            if promised <= stands_nats * passes.misfit() {
+            let predicted = 0.5 * step.dot(&slope);
+            if predicted <= stands_nats * passes.misfit() {
                 return Ok(here.ended(End::Top, information));
             }
-            // Twice what a parabola promises.
-            if log + 2.0 * promised < least {
+            // Twice the gain that a parabola predicts.
+            if log + 2.0 * predicted < least {
                 return Ok(here.ended(End::Hopeless, information));
             }
             // The change of gains is no part of the slope: at the top nothing is likelier in its direction.
-            let is_close = promised <= settings.fit_round_nats * passes.misfit();
+            let is_close = predicted <= settings.fit_round_nats * passes.misfit();
             let shares = if is_close { &SHARES_OF_A_STEP[..1] } else { &SHARES_OF_A_STEP };
             if let Some(next) = shares.iter().find_map(|share| self.likelier(&here, &step, *share, log)) {
                 here = self.with_columns_where_needed(here, next, log, &slope, &information)?;

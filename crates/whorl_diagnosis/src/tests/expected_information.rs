@@ -3,7 +3,7 @@
 use whorl_dynamics::PlatformModel;
 
 use super::generator::{map, record, wrong_model};
-use crate::{Options, prospects};
+use crate::{Options, expected_information};
 
 #[test]
 fn expected_log_odds_come_true() {
@@ -18,13 +18,13 @@ fn expected_log_odds_come_true() {
     let sets = [vec!["bearing_viscous_friction".to_owned()], vec!["harness_spring".to_owned()]];
     let options = Options::default();
     let given = std::slice::from_ref(&first);
-    let found = prospects(given, &[short, long.clone()], &model, &prior, &sets, &options).unwrap();
+    let found = expected_information(given, &[short, long.clone()], &model, &prior, &sets, &options).unwrap();
     let [of_short, of_long] = found.with.as_slice() else { panic!("{found:?}") };
     // More data of a kind tell more, and show no less.
     assert!(of_long.log_odds > of_short.log_odds, "{found:?}");
     assert!(of_long.shown.len() >= of_short.shown.len() && of_short.shown.len() >= found.now.shown.len());
     // The truth: the log odds when the data have come.
-    let both = prospects(&[first, long], &[], &model, &prior, &sets, &options).unwrap();
+    let both = expected_information(&[first, long], &[], &model, &prior, &sets, &options).unwrap();
     let (expected, came) = (of_long.log_odds.unwrap(), both.now.log_odds.unwrap());
     // Log odds of two explanations of Gaussian data whose mean is L have the variance 2 L.
     let scatter = (2.0 * expected).sqrt();

@@ -1,4 +1,4 @@
-//! How sets that were fitted stand, and which of them is the present best.
+//! Scores of the sets that were fitted, and which of them is the present best.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -7,24 +7,24 @@ use whorl_prediction::{Fitted as FittedToSamples, Laws, Settings, hints};
 use whorl_recording::Recording;
 
 use crate::DiagnosisError;
-use crate::evidence::colour::{Colours, alike};
+use crate::bins::motion::Motion;
+use crate::evidence::ar_noise::{ArModels, alike};
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::regression::Normal;
-use crate::explanations::candidates::Layout;
-use crate::explanations::hypothesis::{Hypothesis, Member};
-use crate::layout::motion::Motion;
+use crate::explanations::candidates::Design;
+use crate::explanations::hypothesis::{Hypothesis, Term};
 use crate::parameters::{Column, Point, Reference};
 use crate::refit::Refit;
 use crate::search::Search;
-use crate::search::prior::{is_no_echo, log_prior, smaller_sets};
+use crate::search::prior::{is_no_leakage, log_prior, smaller_sets};
 use crate::search::step::NO_FIT;
 
-/// What a fit may still gain, over what its next step promises: steps promise what straight formulas would bring, and formulas bend.
+/// What a fit may still gain, over the predicted gain of its next step: the prediction is linear, and formulas are not.
 pub(crate) const BENT: f64 = 4.0;
 
 /// How a set explains the data at its own point.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Standing {
+pub(crate) struct Score {
     /// Log evidence of training and held-out data together, errors of formulas and noise of unknown size integrated out;
     /// comparable between sets.
     pub log_evidence: f64,
@@ -37,18 +37,18 @@ pub(crate) struct Standing {
     /// Whitened misfit of the training data, prior's penalty included.
     pub misfit: f64,
     /// By how much a further step would lower the misfit: of a fit that ended before its minimum.
-    pub promise: f64,
+    pub predicted_decrease: f64,
     /// Relative error of formulas that is likeliest.
     pub relative_error: f64,
     /// Noise beside the model's that is likeliest.
     pub nuisance: Nuisance,
 }
 
-impl Standing {
-    /// What it is worth to believe: a fit that ended before its minimum is given what its next step promised, as far as
-    /// straight formulas can be trusted.
+impl Score {
+    /// Log evidence, with the predicted gain of the next step of a fit that ended before its minimum, as far as a linear
+    /// prediction is good.
     pub fn worth(&self, settings: &crate::Settings) -> f64 {
-        self.log_evidence + (0.5 * self.promise).min(settings.doubt_nats)
+        self.log_evidence + (0.5 * self.predicted_decrease).min(settings.doubt_nats)
     }
 
     fn likelihoods(&self) -> Likelihoods {
@@ -68,8 +68,8 @@ pub(crate) struct Likelihoods {
 }
 
 impl Likelihoods {
-    /// What they say more than a smaller set: held-out data, with values that were fitted to others, may speak against a set, but
-    /// what they add scatters by as much as it is.
+    /// Gain over a smaller set. Held-out data, with values that were fitted to other data, may count against a set but not for it: what
+    /// they would add scatters by as much as it is.
     pub fn gain(&self, base: &Self) -> f64 {
         let held = self.held_out.zip(base.held_out).map_or(0.0, |(set, base)| set - base);
         self.training - base.training + held.min(0.0)
@@ -95,17 +95,17 @@ pub(crate) type Fitted = BTreeMap<Vec<String>, Converged>;
 #[derive(Debug, Clone)]
 pub(crate) struct Converged {
     pub names: Vec<String>,
-    pub standing: Standing,
+    pub score: Score,
     pub point: Point,
     pub motions: Arc<Vec<Motion>>,
-    pub layout: Layout,
-    pub members: Vec<Member>,
-    /// Standard deviation of each column of the layout, in its units; 0 = it takes no part.
+    pub design: Design,
+    pub terms: Vec<Term>,
+    /// Standard deviation of each column of the design matrix, in its units; 0 = it takes no part.
     pub stddevs: Vec<f64>,
-    /// Colours beside which it was weighed, of training runs
-    pub colours: Colours,
+    /// ArModels with which it was evaluated, of training runs
+    pub ar_models: ArModels,
     /// and of held-out ones.
-    pub held_colours: Option<Colours>,
+    pub held_ar_models: Option<ArModels>,
     /// What the filter says of it at the rate of the samples, values integrated out, if it was asked.
     pub judged: Option<Judged>,
 }
@@ -113,7 +113,7 @@ pub(crate) struct Converged {
 impl Converged {
     /// Whether it explains the data without a random torque beside it: as the samples say, or where these were not asked, bins.
     pub fn needs_no_torque(&self) -> bool {
-        let of_bins = self.standing.nuisance.torque == 0;
+        let of_bins = self.score.nuisance.torque == 0;
         self.judged.as_ref().map_or(of_bins, |judged| judged.fit.needs_no_torque())
     }
 }
@@ -143,8 +143,8 @@ impl JudgedFit {
         Refit { reference, columns: self.columns.clone(), stddevs: self.stddevs.clone() }
     }
 
-    /// What the samples say of the parameters of a refit that begins with the fitted ones, and of laws of each run, as normal
-    /// equations about the place of the fit; parameters behind the fitted ones stand at none.
+    /// Normal equations of the samples about the optimum of the fit, for the parameters of a refit that begins with the fitted ones,
+    /// and for laws of each run; the parameters after the fitted ones are at zero.
     pub fn normal(
         &self,
         refit: &Refit<'_>,
@@ -160,7 +160,7 @@ impl JudgedFit {
         let found = hints(training, &parameters, &model_at, &at, &self.fitted.followed, laws, &settings)?;
         let mut normal = Normal::zeros(found.slope.len());
         (normal.matrix, normal.vector) = (found.information, found.slope);
-        // Counted from where the parameters are, with the pull of what was known before.
+        // Relative to the present parameters, with the gradient of their prior.
         for (i, (units, parameter)) in at.iter().zip(&parameters).enumerate() {
             normal.vector[i] -= units / parameter.stddev.powi(2);
         }
@@ -184,16 +184,16 @@ impl Converged {
     /// Whether it explains more than a smaller set: bins of the smoothed motion, and the samples themselves where both were asked.
     fn explains_more(&self, smaller: &Self) -> bool {
         match (&self.judged, &smaller.judged) {
-            // Bins only say what the samples say.
+            // Bins are means of the same samples: where both exist the samples decide.
             (Some(set), Some(smaller)) => set.likelihoods.explain_more(&smaller.likelihoods),
-            _ => self.standing.likelihoods().explain_more(&smaller.standing.likelihoods()),
+            _ => self.score.likelihoods().explain_more(&smaller.score.likelihoods()),
         }
     }
 
     /// Log posterior, up to a constant.
     pub fn log_posterior(&self) -> f64 {
-        let settings = &self.layout.settings;
-        self.standing.worth(settings) + log_prior(&self.names, settings)
+        let settings = &self.design.settings;
+        self.score.worth(settings) + log_prior(&self.names, settings)
     }
 }
 
@@ -202,52 +202,52 @@ impl Search<'_> {
     pub(crate) fn settle(&mut self, converged: Converged) -> Result<(), DiagnosisError> {
         self.point = converged.point;
         self.problem.motions = converged.motions;
-        self.problem.nuisance = converged.standing.nuisance;
-        self.relative_error = converged.standing.relative_error;
+        self.problem.nuisance = converged.score.nuisance;
+        self.relative_error = converged.score.relative_error;
         if let Some(held) = &mut self.held_out {
-            held.nuisance = converged.standing.nuisance;
+            held.nuisance = converged.score.nuisance;
         }
         self.regress()?;
-        let members: Vec<Member> =
-            converged.members.iter().filter_map(|m| m.carried(&converged.layout, &self.layout)).collect();
+        let terms: Vec<Term> =
+            converged.terms.iter().filter_map(|m| m.carried(&converged.design, &self.design)).collect();
         self.best =
-            Hypothesis::of(&self.layout, &self.data.total, members).unwrap_or_else(|| self.base.clone());
-        // What does not stand where it was fitted explains nothing.
-        if self.best.names(&self.layout) != converged.names {
+            Hypothesis::of(&self.design, &self.data.total, terms).unwrap_or_else(|| self.base.clone());
+        // A set that loses a term at its own optimum explains nothing.
+        if self.best.names(&self.design) != converged.names {
             self.forget(&converged.names);
         }
         Ok(())
     }
 
-    /// These colours of training runs, or those of a set weighed before that are the same within what estimates scatter:
-    /// evidence beside the same colours compares best.
-    pub(crate) fn colours_as_before(&self, colours: Colours) -> Colours {
-        let known = std::iter::once(&self.sharp).chain(self.fitted.values().map(|set| &set.colours));
-        or_alike(colours, known)
+    /// These AR models of training runs, or those of a set evaluated before that agree within the scatter of estimates:
+    /// evidence is best compared with the same noise models.
+    pub(crate) fn ar_models_as_before(&self, ar_models: ArModels) -> ArModels {
+        let known = std::iter::once(&self.sharp).chain(self.fitted.values().map(|set| &set.ar_models));
+        or_alike(ar_models, known)
     }
 
     /// The same of held-out runs.
-    pub(crate) fn held_colours_as_before(&self, colours: Colours) -> Colours {
-        or_alike(colours, self.fitted.values().filter_map(|set| set.held_colours.as_ref()))
+    pub(crate) fn held_ar_models_as_before(&self, ar_models: ArModels) -> ArModels {
+        or_alike(ar_models, self.fitted.values().filter_map(|set| set.held_ar_models.as_ref()))
     }
 
-    /// Remembers a set where it stands best, unless the samples have judged it.
+    /// Keeps the best score of a set, unless the samples have judged it.
     pub(crate) fn remember(&mut self, mut converged: Converged) {
-        self.watch_latency(&converged.names, converged.standing.log_evidence, &converged.point);
+        self.watch_latency(&converged.names, converged.score.log_evidence, &converged.point);
         self.note_bins(&converged);
-        converged.standing.log_evidence += self.samples_over_bins;
+        converged.score.log_evidence += self.samples_over_bins;
         let is_better = |known: &Converged| {
-            known.judged.is_none() && converged.standing.log_evidence >= known.standing.log_evidence
+            known.judged.is_none() && converged.score.log_evidence >= known.score.log_evidence
         };
         if self.fitted.get(&converged.names).is_none_or(is_better) {
             self.fitted.insert(converged.names.clone(), converged);
         }
     }
 
-    /// Notes what bins say of a set where it stands best in them.
+    /// Keeps the best log evidence in bins of a set.
     pub(crate) fn note_bins(&mut self, converged: &Converged) {
         let of_set = self.of_bins.entry(converged.names.clone()).or_insert(f64::NEG_INFINITY);
-        *of_set = of_set.max(converged.standing.log_evidence);
+        *of_set = of_set.max(converged.score.log_evidence);
     }
 
     /// Compares a set no more.
@@ -258,57 +258,57 @@ impl Search<'_> {
         }
     }
 
-    /// Sets that were fitted and may be believed: that of no effects, and those that explain training and held-out data each
-    /// better than it does and than each smaller set does that they hold, and by more than an echo of what that explains.
+    /// Sets that were fitted and are admissible: that of no effects, and those that explain training and held-out data each
+    /// better than it does and than each smaller set does that they hold, and by more than the misspecification leakage of what that explains.
     pub(crate) fn admissible(&self) -> impl Iterator<Item = &Converged> {
         self.fitted.values().filter(|set| set.names.is_empty() || self.is_admissible(set))
     }
 
     fn is_admissible(&self, set: &Converged) -> bool {
-        let standing = |names: &[String]| self.fitted.get(names).map(|c| c.standing);
+        let score = |names: &[String]| self.fitted.get(names).map(|c| c.score);
         let smaller = smaller_sets(&set.names).chain([Vec::new()]);
         let explains = |names: Vec<String>| self.fitted.get(&names).is_none_or(|s| set.explains_more(s));
         smaller.into_iter().all(explains)
-            && is_no_echo(&set.names, set.standing.log_evidence, &self.options.settings, |names| {
-                standing(names).map(|s| s.log_evidence)
+            && is_no_leakage(&set.names, set.score.log_evidence, &self.options.settings, |names| {
+                score(names).map(|s| s.log_evidence)
             })
     }
 
-    /// The most probable set that may be believed.
+    /// The most probable admissible set.
     pub(crate) fn most_probable(&self) -> Option<&Converged> {
         self.admissible().max_by(|a, b| a.log_posterior().total_cmp(&b.log_posterior()))
     }
 
-    /// Linearises anew at the present best and finds its members there.
-    pub(crate) fn relinearise(&mut self) -> Result<Standing, DiagnosisError> {
+    /// Linearises anew at the present best and finds its terms there.
+    pub(crate) fn relinearise(&mut self) -> Result<Score, DiagnosisError> {
         let best = self.best.clone();
         let converged = match self.converge(&best)? {
             Some(converged) => converged,
-            // It cannot stand at its own point: back to the base model.
+            // It has no fit at its own point: back to the base model.
             None => {
                 let base = self.base.clone();
                 self.converge(&base)?.ok_or(NO_FIT)?
             }
         };
-        let standing = converged.standing;
+        let score = converged.score;
         self.settle(converged)?;
-        Ok(standing)
+        Ok(score)
     }
 
     /// A set where it fits best, if it was fitted there.
     pub(crate) fn fitted(&self, set: &Hypothesis) -> Option<&Converged> {
-        self.fitted.get(&set.names(&self.layout))
+        self.fitted.get(&set.names(&self.design))
     }
 
-    /// Standing of a set, if it was fitted at a point of its own.
-    pub(crate) fn standing(&self, set: &Hypothesis) -> Option<Standing> {
-        self.fitted(set).map(|c| c.standing)
+    /// Score of a set, if it was fitted at a point of its own.
+    pub(crate) fn score(&self, set: &Hypothesis) -> Option<Score> {
+        self.fitted(set).map(|c| c.score)
     }
 
     /// Log evidence that one set has over another, and twice the log likelihood: where each fits best if both were
     /// fitted there, else in the present regression.
     pub(crate) fn advantage(&self, with: &Hypothesis, without: &Hypothesis) -> (f64, f64) {
-        match (self.standing(with), self.standing(without)) {
+        match (self.score(with), self.score(without)) {
             (Some(a), Some(b)) => {
                 (a.log_evidence - b.log_evidence, 2.0 * (a.log_likelihood - b.log_likelihood))
             }
@@ -317,9 +317,9 @@ impl Search<'_> {
     }
 }
 
-/// These colours, or the first of those known that are the same.
-fn or_alike<'a>(colours: Colours, mut known: impl Iterator<Item = &'a Colours>) -> Colours {
-    known.find(|known| alike(known, &colours)).cloned().unwrap_or(colours)
+/// These AR models, or the first of those known that agree with them.
+fn or_alike<'a>(ar_models: ArModels, mut known: impl Iterator<Item = &'a ArModels>) -> ArModels {
+    known.find(|known| alike(known, &ar_models)).cloned().unwrap_or(ar_models)
 }
 
 #[cfg(test)]

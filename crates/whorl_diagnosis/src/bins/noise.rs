@@ -1,7 +1,7 @@
 //! Noise of the sensors as the data show it.
 //!
-//! Second differences of neighbouring samples say what the noise of one sample is, whatever the model says. What is correlated from sample to sample shows later, in the whitened
-//! residual, and is whitened there.
+//! Second differences of neighbouring samples measure the noise of one sample without the model. Noise that is correlated from sample to
+//! sample shows in the innovations, and is whitened there ([`crate::evidence::ar_noise`]).
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;

@@ -26,7 +26,7 @@ const CONSTANT_MARGIN: f64 = 0.07;
 
 /// Where a model fails in one run, or in several together.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Whereabouts {
+pub struct Localisation {
     /// Names of the runs.
     pub run: String,
     /// RMS unexplained torque about each body axis [N m].
@@ -76,7 +76,7 @@ impl<'a> Followed<'a> {
 ///
 /// # Errors
 /// Where something is unexplained in runs that are too short to see on what it depends.
-pub fn explain_where(runs: &[&Followed<'_>], model: &PlatformModel) -> Result<Whereabouts, ValidationError> {
+pub fn explain_where(runs: &[&Followed<'_>], model: &PlatformModel) -> Result<Localisation, ValidationError> {
     let torques = || runs.iter().map(|run| &run.torques);
     let names: Vec<&str> = torques().map(|torques| torques.run.as_str()).collect();
     let run = names.join(", ");
@@ -131,7 +131,7 @@ pub fn explain_where(runs: &[&Followed<'_>], model: &PlatformModel) -> Result<Wh
             remarks.push(remark);
         }
     }
-    Ok(Whereabouts {
+    Ok(Localisation {
         rms_b_n_m: [0, 1, 2].map(|i| root_mean_square(all().map(|state| state.torque_b_n_m[i]))),
         stddev_b_n_m: [0, 1, 2]
             .map(|i| root_mean_square(all().map(|state| state.torque_covariance_b[(i, i)].max(0.0).sqrt()))),
@@ -147,7 +147,7 @@ fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
     if count > 0.0 { f64::sqrt(squares / count) } else { 0.0 }
 }
 
-impl Whereabouts {
+impl Localisation {
     /// Whether there is anything to locate; otherwise the shares would describe noise.
     #[must_use]
     pub fn is_anything_left(&self) -> bool {

@@ -298,8 +298,8 @@ mod tests {
         assert!((sharp.at(5.0) - 0.4).abs() < 1e-12);
         assert!((lagged.at(5.0) - 0.4).abs() < 1e-9);
         // During a long pulse the lag costs tau of impulse.
-        let late = JetFlow::new(vec![(0.0, 10.0)], lag(0.05, 0.02));
-        assert!((late.at(8.0) - 7.95).abs() < 1e-9);
+        let delayed = JetFlow::new(vec![(0.0, 10.0)], lag(0.05, 0.02));
+        assert!((delayed.at(8.0) - 7.95).abs() < 1e-9);
         // A longer tail gives more than the rise has cost, and the next pulse starts from what is left of it:
         // the differential equation by small steps.
         let uneven = JetFlow::new(vec![(0.01, 0.05), (0.08, 0.1)], lag(0.02, 0.06));

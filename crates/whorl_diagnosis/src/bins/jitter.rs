@@ -1,4 +1,4 @@
-//! What stamps that jitter cost: a command that changes has an impulse that is uncertain by the jitter.
+//! Noise from stamps that jitter: a change of a command has an impulse that is uncertain by the jitter.
 
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_recording::{OnInterval, Series};

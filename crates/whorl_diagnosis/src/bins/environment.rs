@@ -1,15 +1,15 @@
-//! What surrounds the platform in a run: gas, voltage, temperature, moving masses.
+//! The environment of the platform in a run: gas, voltage, temperature, moving masses.
 
 use nalgebra::Vector3;
 use whorl_dynamics::{Environment, Gyrostat, PlatformModel};
 use whorl_recording::{Recording, Series};
 
 use crate::DiagnosisError;
-use crate::layout::run::Run;
+use crate::bins::run::Run;
 
 impl Run {
     /// Pressure, gas, voltage and temperature at the nodes: measured, else predicted.
-    pub(crate) fn surroundings(
+    pub(crate) fn set_environment(
         &mut self,
         recording: &Recording,
         model: &PlatformModel,

@@ -1,19 +1,19 @@
-//! What a set leaves of the data: slow sums that noise alone would not give.
+//! The residual of a set: slow sums that noise alone would not give.
 
 use crate::evidence::excess::{Power, WINDOWS_S, powers};
 use crate::evidence::problem::{Dataset, Problem};
-use crate::explanations::candidates::Layout;
+use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::Hypothesis;
 
-/// Slow power of all runs with a hypothesis.
-pub(crate) fn rest(
+/// Slow power of the residual of all runs with a hypothesis.
+pub(crate) fn residual_powers(
     problem: &Problem,
     data: &Dataset,
-    layout: &Layout,
+    design: &Design,
     hypothesis: &Hypothesis,
 ) -> [Power; WINDOWS_S.len()] {
     let mut total = [Power::default(); WINDOWS_S.len()];
-    for of_run in rest_by_run(problem, data, layout, hypothesis) {
+    for of_run in residual_powers_by_run(problem, data, design, hypothesis) {
         for (sum, power) in total.iter_mut().zip(of_run) {
             sum.add(power);
         }
@@ -21,13 +21,13 @@ pub(crate) fn rest(
     total
 }
 
-fn rest_by_run(
+fn residual_powers_by_run(
     problem: &Problem,
     data: &Dataset,
-    layout: &Layout,
+    design: &Design,
     hypothesis: &Hypothesis,
 ) -> Vec<[Power; WINDOWS_S.len()]> {
-    let estimate = hypothesis.estimate.spread(layout.columns.len());
+    let estimate = hypothesis.estimate.spread(design.columns.len());
     problem
         .runs
         .iter()
@@ -39,7 +39,7 @@ fn rest_by_run(
         .collect()
 }
 
-/// Two windows, short and long: the whitened momentum residual.
+/// RMS over the windows of 1 and 8 s: the whitened momentum residual.
 pub(crate) fn momentum_rms(powers: &[Power; WINDOWS_S.len()]) -> f64 {
     let mut both = Power::default();
     for (power, window_s) in powers.iter().zip(WINDOWS_S) {

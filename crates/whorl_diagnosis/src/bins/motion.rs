@@ -9,7 +9,7 @@ use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_math::{quaternion_exp, rotation_vector, unit};
 use whorl_trajectory::rough_attitude::{pull, start_attitude};
 
-use crate::layout::run::{Run, Wheels};
+use crate::bins::run::{Run, Wheels};
 
 /// Attitude, rate and wheel speeds at the nodes of a run, and half-way between them.
 #[derive(Debug, Clone, Default)]

@@ -11,9 +11,9 @@ use whorl_recording::{Mounting, Recording};
 
 use super::generator::{platform, record, turning};
 use crate::dependence::{Growth, Parity};
-use crate::{Followed, Whereabouts, explain_where, unexplained_torques};
+use crate::{Followed, Localisation, explain_where, unexplained_torques};
 
-fn located(recording: &whorl_recording::Recording, model: &PlatformModel) -> Whereabouts {
+fn located(recording: &whorl_recording::Recording, model: &PlatformModel) -> Localisation {
     explain_where(&[&Followed::new(recording, model).unwrap()], model).unwrap()
 }
 

@@ -12,10 +12,10 @@ use whorl_trajectory::noise::stamp_jitter_s;
 use whorl_trajectory::{Needs, check, wheel_torque};
 
 use crate::DiagnosisError;
-use crate::layout::feedback::answers_gyro;
-use crate::layout::inputs::{HeldInput, RunningIntegral, ballast};
-use crate::layout::jitter::{self, command_jitter};
-use crate::layout::noise::NoiseLevels;
+use crate::bins::feedback::answers_gyro;
+use crate::bins::inputs::{HeldInput, RunningIntegral, ballast};
+use crate::bins::jitter::{self, command_jitter};
+use crate::bins::noise::NoiseLevels;
 
 /// What is needed of a recording.
 /// Whether it holds enough is a matter of information, not of seconds.
@@ -175,20 +175,20 @@ impl Run {
         self.times.node_s.partition_point(|t| *t <= time_s).saturating_sub(1)
     }
 
-    /// Checks a recording and lays it out with bins of `bin_s`. Stamps of the inertial unit are taken to be late by
-    /// `late_s` more than the model's sensors say.
+    /// Checks a recording and lays it out with bins of `bin_s`. Stamps of the inertial unit are taken to have a latency of
+    /// `extra_latency_s` beyond that of the model's sensors.
     pub fn new(
         recording: &Recording,
         model: &PlatformModel,
         bin_s: f64,
-        late_s: f64,
+        extra_latency_s: f64,
         feedback_correlation: f64,
     ) -> Result<Self, DiagnosisError> {
         check(recording, model, &NEEDS)?;
         let clamped = is_clamped(recording, model);
         // Within a bin a low-pass is a delay.
-        let latency_s = model.sensors.gyro.errors.lag_s() + late_s;
-        let accel_latency_s = model.sensors.accelerometer.errors.lag_s() + late_s;
+        let latency_s = model.sensors.gyro.errors.lag_s() + extra_latency_s;
+        let accel_latency_s = model.sensors.accelerometer.errors.lag_s() + extra_latency_s;
         let base_times: Vec<f64> = if clamped {
             recording.wheel_speed_rad_s.time_s.clone()
         } else {
@@ -196,8 +196,7 @@ impl Run {
         };
         let bins = Bins::new(&base_times, bin_s).ok_or(DiagnosisError::NoRecording)?;
         let noise = NoiseLevels::measured(recording, model);
-        let (gyro_clips_at_rad_s, gyro_step_rad_s) =
-            crate::layout::noise::clipping_and_step(recording, model);
+        let (gyro_clips_at_rad_s, gyro_step_rad_s) = crate::bins::noise::clipping_and_step(recording, model);
         let mut gyro = bins.means(&recording.gyro_b_rad_s, latency_s);
         if let Some(limit) = gyro_clips_at_rad_s {
             bins.drop_clipped(&mut gyro, &recording.gyro_b_rad_s, latency_s, limit);
@@ -208,7 +207,7 @@ impl Run {
             .map(|channel| VectorRun {
                 reference_world: channel.reference_world.into_inner(),
                 mean: bins.means(&channel.direction_b, model.sensors.vector.map_or(0.0, |v| v.latency_s)),
-                noise_rad: crate::layout::noise::direction_noise_rad(channel, model),
+                noise_rad: crate::bins::noise::direction_noise_rad(channel, model),
             })
             .collect();
         let wheels = model.wheels().len();
@@ -295,7 +294,7 @@ impl Run {
             },
             times: bins.times,
         };
-        run.surroundings(recording, model)?;
+        run.set_environment(recording, model)?;
         run.remark_on_missing(recording, model);
         Ok(run)
     }

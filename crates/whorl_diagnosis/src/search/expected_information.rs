@@ -1,4 +1,4 @@
-//! What further data would say: the basis of choosing the next manoeuvre.
+//! Expected information of further data: the basis of choosing the next manoeuvre.
 //!
 //! T-optimality (Atkinson and Fedorov, Biometrika 62, 1975): data are worth as much as the log odds that they
 //! are expected to bring between the explanations that are left. In the whitened linear regression that
@@ -10,7 +10,7 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_math::statistics::normal_probability;
 use whorl_recording::Recording;
 
-use crate::evidence::problem::{Dataset, FREE_RATE_WALK, Trust};
+use crate::evidence::problem::{Dataset, FREE_RATE_WALK, ProcessNoise};
 use crate::evidence::regression::{BLOCKS_PER_RUN, Normal};
 use crate::explanations::hypothesis::Hypothesis;
 use crate::parameters::available::Available;
@@ -19,15 +19,15 @@ use crate::search::prior::log_prior;
 use crate::search::step::regression_at;
 use crate::{DiagnosisError, Options, prepare};
 
-/// What data say, or would say.
+/// Information in data on which explanation is true: as it is, or as it is expected to be.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Prospect {
-    /// Log odds between the leading explanation and the next: as they are with the data at hand; with further data as the
-    /// true one is expected to lead, the mean over which of them is true. A diagnosis names one alone from about 3 (20 to
-    /// 1). `None` with fewer than two.
+pub struct ExpectedInformation {
+    /// Log odds between the leading explanation and the next. With the data at hand: the present ones. With further data: the
+    /// expected lead of the true explanation, averaged over which one is true. A diagnosis names one alone from about 3 (20
+    /// to 1). `None` with fewer than two.
     pub log_odds: Option<f64>,
-    /// Probability that a diagnosis would tell the true explanation from all others: the mean over which of them is
-    /// true of the probability with which its lead makes it sure. `None` with fewer than two.
+    /// Probability that a diagnosis would tell the true explanation from all others, averaged over which one is true.
+    /// `None` with fewer than two.
     pub told_apart: Option<f64>,
     /// Effects that would show at their ordinary size (one standard deviation of the catalogue's prior).
     pub shown: Vec<String>,
@@ -35,29 +35,29 @@ pub struct Prospect {
     pub not_shown: Vec<String>,
 }
 
-/// What the data at hand say, and what they would say together with each further recording.
+/// Information in the data at hand, and that expected together with each further recording.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Prospects {
+pub struct InformationByRun {
     /// With the data at hand.
-    pub now: Prospect,
+    pub now: ExpectedInformation,
     /// With each further recording added, in their order.
-    pub with: Vec<Prospect>,
+    pub with: Vec<ExpectedInformation>,
 }
 
-/// Judges `further` recordings, real or simulated, by what each would add to `training`. Only their motion and
-/// inputs count, not what their readings say of any effect. `explanations` are sets of effects, ids of the catalogue; an
+/// Information that each of the `further` recordings, real or simulated, is expected to add to `training`. Only their motion and
+/// inputs count, not their readings. `explanations` are sets of effects, ids of the catalogue; an
 /// empty set is the model without any.
 ///
 /// # Errors
 /// As [`crate::diagnose`].
-pub fn prospects(
+pub fn expected_information(
     training: &[Recording],
     further: &[Recording],
     model: &PlatformModel,
     prior: &ModelPrior,
     explanations: &[Vec<String>],
     options: &Options,
-) -> Result<Prospects, DiagnosisError> {
+) -> Result<InformationByRun, DiagnosisError> {
     for id in explanations.iter().flatten() {
         find(id).ok_or_else(|| DiagnosisError::UnknownEffect { id: id.clone() })?;
     }
@@ -107,9 +107,9 @@ pub fn prospects(
     go_to_leading(&mut search, explanations)?;
     let total = &search.data.total;
     let rivals: Vec<Hypothesis> = explanations.iter().filter_map(|set| explanation(&search, set)).collect();
-    let nothing = Normal::zeros(search.layout.columns.len());
+    let nothing = Normal::zeros(search.design.columns.len());
     let weights = weights(&search, &rivals);
-    let mut now = prospect(&search, total, &nothing, &rivals, &weights);
+    let mut now = expected_of(&search, total, &nothing, &rivals, &weights);
     let mut weights_now: Vec<f64> = rivals.iter().map(|h| weight(&search, h)).collect();
     weights_now.sort_by(|a, b| b.total_cmp(a));
     now.log_odds = match weights_now.as_slice() {
@@ -125,17 +125,17 @@ pub fn prospects(
             for block in blocks {
                 added.add(block, 1.0);
             }
-            prospect(&search, total, &added, &rivals, &weights)
+            expected_of(&search, total, &added, &rivals, &weights)
         })
         .collect();
-    Ok(Prospects { now, with })
+    Ok(InformationByRun { now, with })
 }
 
 /// Makes the columns of effects that have them only on demand: lines and hidden states.
 pub(crate) fn make_columns_for(search: &mut Search<'_>, ids: &[&str]) -> Result<(), DiagnosisError> {
     let model = &search.problem.reference.model;
     let on_demand = |id: &&str| {
-        find(id).is_some_and(|effect| effect.rhythm().is_some() || effect.hidden_states(model) > 0)
+        find(id).is_some_and(|effect| effect.periodicity().is_some() || effect.hidden_states(model) > 0)
     };
     if ids.iter().any(on_demand) && !search.with_hidden {
         search.with_hidden = true;
@@ -150,18 +150,18 @@ pub(crate) fn make_columns_for(search: &mut Search<'_>, ids: &[&str]) -> Result<
 fn go_to_leading(search: &mut Search<'_>, explanations: &[Vec<String>]) -> Result<(), DiagnosisError> {
     // The motion of further recordings is that of their readings, whatever effect they hold or not.
     if let Some(held) = &mut search.held_out {
-        held.smooth(&search.point, Trust::Within(FREE_RATE_WALK))?;
+        held.smooth(&search.point, ProcessNoise::Fixed(FREE_RATE_WALK))?;
     }
     let further = search.held_out.take();
     let leading = explanations.first().and_then(|set| explanation(search, set));
-    if let Some(leading) = leading.filter(|l| !l.members.is_empty())
+    if let Some(leading) = leading.filter(|l| !l.terms.is_empty())
         && let Some(converged) = search.converge(&leading)?
     {
         search.settle(converged)?;
     }
     search.held_out = further;
     if let Some(held) = &search.held_out {
-        let data = regression_at(held, &search.point, &search.layout, search.relative_error)?;
+        let data = regression_at(held, &search.point, &search.design, search.relative_error)?;
         search.held_data = Some(data);
     }
     Ok(())
@@ -172,10 +172,9 @@ fn sure_lead(sure: f64) -> f64 {
     (sure / (1.0 - sure)).ln()
 }
 
-/// Probability that an explanation that is expected to lead a rival so far in log evidence and in the misfit becomes sure.
-/// What noise does to a lead in log evidence has a variance of twice its mean, which is half the lead in the misfit; and an
-/// expectation that is linear in the effect's size, for a motion that the effect itself will change, is right to half of
-/// its size.
+/// Probability that an explanation with this expected lead over a rival, in log evidence and in misfit, becomes sure. Noise
+/// gives a lead in log evidence a variance of twice its mean, which is half the lead in the misfit. The expectation is
+/// linear in the effect's size, for a motion that the effect itself will change, and is taken to be right to half of its size.
 fn probability_of_telling(lead: (f64, f64), sure: f64) -> f64 {
     let drop = lead.1.max(0.0);
     normal_probability((lead.0 - sure_lead(sure)) / (1.0 + drop + (0.25 * drop).powi(2)).sqrt())
@@ -183,15 +182,15 @@ fn probability_of_telling(lead: (f64, f64), sure: f64) -> f64 {
 
 /// Log posterior of an explanation in the present regression, up to a constant.
 fn weight(search: &Search<'_>, hypothesis: &Hypothesis) -> f64 {
-    hypothesis.log_evidence + log_prior(&hypothesis.names(&search.layout), &search.options.settings)
+    hypothesis.log_evidence + log_prior(&hypothesis.names(&search.design), &search.options.settings)
 }
 
 /// A set of effects fitted to the data at hand; `None` if they cannot enter.
 fn explanation(search: &Search<'_>, set: &[String]) -> Option<Hypothesis> {
     let mut found = search.base.clone();
     for id in set {
-        let candidate = search.layout.candidates.iter().position(|c| c.id == id.as_str())?;
-        found = found.with(&search.layout, &search.data.total, candidate)?;
+        let candidate = search.design.candidates.iter().position(|c| c.id == id.as_str())?;
+        found = found.with(&search.design, &search.data.total, candidate)?;
     }
     Some(found)
 }
@@ -202,13 +201,13 @@ const MOST_WAYS: usize = 32;
 /// An explanation fitted to other data. An effect that can enter in several ways (a cable at any heading, damped or not)
 /// enters in the one that these data like best.
 fn chosen_anew(search: &Search<'_>, hypothesis: &Hypothesis, data: &Normal) -> Option<Hypothesis> {
-    let same = hypothesis.refitted(&search.layout, data);
-    let ways = |candidate: usize| search.layout.candidates.get(candidate).map_or(0, |c| c.options.len());
-    if !hypothesis.members.iter().all(|m| (1..=MOST_WAYS).contains(&ways(m.candidate))) {
+    let same = hypothesis.refitted(&search.design, data);
+    let ways = |candidate: usize| search.design.candidates.get(candidate).map_or(0, |c| c.options.len());
+    if !hypothesis.terms.iter().all(|m| (1..=MOST_WAYS).contains(&ways(m.candidate))) {
         return same;
     }
-    let anew = hypothesis.members.iter().try_fold(Hypothesis::base(&search.layout, data)?, |set, m| {
-        set.with(&search.layout, data, m.candidate)
+    let anew = hypothesis.terms.iter().try_fold(Hypothesis::base(&search.design, data)?, |set, m| {
+        set.with(&search.design, data, m.candidate)
     });
     [same, anew].into_iter().flatten().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
 }
@@ -219,21 +218,21 @@ fn weights(search: &Search<'_>, rivals: &[Hypothesis]) -> Vec<f64> {
     rivals.iter().map(|h| (weight(search, h) - best).exp()).collect()
 }
 
-fn prospect(
+fn expected_of(
     search: &Search<'_>,
     data: &Normal,
     added: &Normal,
     rivals: &[Hypothesis],
     weights: &[f64],
-) -> Prospect {
+) -> ExpectedInformation {
     let settings = &search.options.settings;
     let (mut odds, mut told, mut sum) = (0.0, 0.0, 0.0);
     for (truth, (hypothesis, share)) in rivals.iter().zip(weights).enumerate() {
         // What the added data are expected to hold if this one is true.
         let mut expected = data.clone();
         expected.matrix += &added.matrix;
-        expected.vector += &added.matrix * hypothesis.estimate.spread(search.layout.columns.len());
-        let base = Hypothesis::base(&search.layout, &expected);
+        expected.vector += &added.matrix * hypothesis.estimate.spread(search.design.columns.len());
+        let base = Hypothesis::base(&search.design, &expected);
         let fitted = |h: &Hypothesis| chosen_anew(search, h, &expected).or_else(|| base.clone());
         let Some(own) = fitted(hypothesis) else { continue };
         let leads: Vec<(f64, f64)> = rivals
@@ -253,17 +252,17 @@ fn prospect(
     let mut both = data.clone();
     both.matrix += &added.matrix;
     let (mut shown, mut not_shown) = (Vec::new(), Vec::new());
-    for candidate in &search.layout.candidates {
+    for candidate in &search.design.candidates {
         if candidate.effect.is_base() {
             continue;
         }
         let columns = candidate.options.first().map_or(&[][..], Vec::as_slice);
         let largest =
-            columns.iter().filter_map(|i| search.layout.detectability(&both, *i)).fold(0.0, f64::max);
+            columns.iter().filter_map(|i| search.design.detectability(&both, *i)).fold(0.0, f64::max);
         let list = if largest > settings.clear_misfit { &mut shown } else { &mut not_shown };
         list.push(candidate.id.to_owned());
     }
-    Prospect { log_odds, told_apart, shown, not_shown }
+    ExpectedInformation { log_odds, told_apart, shown, not_shown }
 }
 
 #[cfg(test)]

@@ -21,13 +21,13 @@ fn a_smaller_set_is_fitted_from_where_a_larger_one_ended() {
     let addition = search.additions(&base).swap_remove(0);
     let larger = search.converge(&addition).unwrap().unwrap();
     let mut poor = good.clone();
-    poor.standing.log_evidence -= 40.0;
+    poor.score.log_evidence -= 40.0;
     poor.point = search.problem.reference.point();
     search.remember(poor);
     search.remember(larger.clone());
     assert_eq!(search.most_probable().map(|set| set.names.clone()), Some(larger.names.clone()));
     search.fit_smaller_sets(&larger).unwrap();
-    let found = search.standing(&base).unwrap();
-    assert!((found.log_evidence - good.standing.log_evidence).abs() < 2.0, "{found:?} {:?}", good.standing);
+    let found = search.score(&base).unwrap();
+    assert!((found.log_evidence - good.score.log_evidence).abs() < 2.0, "{found:?} {:?}", good.score);
     assert!(search.most_probable().is_some_and(|set| set.names.is_empty()));
 }
