@@ -15,7 +15,7 @@ use crate::DiagnosisError;
 use crate::bins::feedback::answers_gyro;
 use crate::bins::inputs::{HeldInput, RunningIntegral, ballast};
 use crate::bins::jitter::{self, command_jitter};
-use crate::bins::noise::NoiseLevels;
+use crate::bins::noise::{Digits, NoiseLevels};
 
 /// What is needed of a recording.
 /// Whether it holds enough is a matter of information, not of seconds.
@@ -120,10 +120,8 @@ pub(crate) struct Run {
     pub has_pressure: bool,
     pub has_voltage: bool,
     pub has_temperature: bool,
-    /// Gyro reading at which samples pile up: it clips there [rad/s].
-    pub gyro_clips_at_rad_s: Option<f64>,
-    /// Step of the gyro's output as seen in the data [rad/s].
-    pub gyro_step_rad_s: f64,
+    /// The numbers in which the gyro reads.
+    pub gyro_digits: Digits,
     /// Samples as they came, their stamps corrected for latency: what bins average away.
     pub raw_gyro: Series<Vector3<f64>>,
     pub raw_accel: Series<Vector3<f64>>,
@@ -196,9 +194,9 @@ impl Run {
         };
         let bins = Bins::new(&base_times, bin_s).ok_or(DiagnosisError::NoRecording)?;
         let noise = NoiseLevels::measured(recording, model);
-        let (gyro_clips_at_rad_s, gyro_step_rad_s) = crate::bins::noise::clipping_and_step(recording, model);
+        let gyro_digits = crate::bins::noise::digits_of_gyro(recording, model);
         let mut gyro = bins.means(&recording.gyro_b_rad_s, latency_s);
-        if let Some(limit) = gyro_clips_at_rad_s {
+        if let Some(limit) = gyro_digits.clips_at_rad_s {
             bins.drop_clipped(&mut gyro, &recording.gyro_b_rad_s, latency_s, limit);
         }
         let vectors = recording
@@ -284,8 +282,7 @@ impl Run {
             has_pressure: recording.tank_pressure_pa.len() > 1,
             has_voltage: recording.bus_voltage_v.len() > 1,
             has_temperature: recording.temperature_k.len() > 1,
-            gyro_clips_at_rad_s,
-            gyro_step_rad_s,
+            gyro_digits,
             raw_gyro: if clamped { Series::default() } else { earlier(&recording.gyro_b_rad_s, latency_s) },
             raw_accel: if clamped {
                 Series::default()

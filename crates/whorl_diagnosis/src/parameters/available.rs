@@ -52,7 +52,7 @@ impl Available {
             largest_rate_rad_s: largest(runs, |r| &r.gyro, |w| w.amax()),
             largest_tilt_rad: largest(runs, |r| &r.accel, |f| f.x.hypot(f.y).atan2(f.z)),
             largest_turn_rad: runs.iter().filter(|r| !r.clamped).map(turned_rad).fold(0.0, f64::max),
-            clips: any(&|r| r.gyro_clips_at_rad_s.is_some()),
+            clips: any(&|r| r.gyro_digits.clips_at_rad_s.is_some()),
         }
     }
 

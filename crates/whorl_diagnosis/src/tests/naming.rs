@@ -74,6 +74,25 @@ fn a_sensor_is_told_from_a_torque() {
     assert_eq!(diagnosis.kind.as_deref(), Some("sensor"));
 }
 
+/// Nobody knows the field in another room: its direction about the axes of the world is found with the dipole.
+#[test]
+fn a_dipole_is_named_alone_whatever_the_direction_of_the_field() {
+    if !whorl_tests::slow("the diagnosis of a dipole in another field") {
+        return;
+    }
+    let magnet = [
+        ("dipole_x_a_m2", 100.0),
+        ("dipole_y_a_m2", -60.0),
+        ("dipole_z_a_m2", 120.0),
+        ("field_x_t", 19e-6),
+        ("field_y_t", -15e-6),
+        ("field_z_t", -45e-6),
+    ];
+    let diagnosis = diagnosis_of(&[("magnetic_torque", &magnet)], 25, 50.0);
+    assert_eq!(diagnosis.verdict, Verdict::Named, "{:?}", diagnosis.unknown);
+    assert_eq!(diagnosis.effects, ["magnetic_torque"]);
+}
+
 /// Its position is wrong by metres, as one that was stated in another unit.
 #[test]
 fn an_accelerometer_far_from_its_place_is_named_with_its_position() {

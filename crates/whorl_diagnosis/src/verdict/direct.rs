@@ -3,6 +3,8 @@
 use whorl_dynamics::effects::{Signature, catalogue};
 
 use crate::Unknown;
+use crate::bins::noise::Digits;
+use crate::bins::run::Run;
 use crate::diagnosis::{Candidate, ParameterEstimate};
 use crate::evidence::problem::Problem;
 use crate::explanations::spectrum::lines;
@@ -67,10 +69,10 @@ impl Search<'_> {
             .problem
             .runs
             .iter()
-            .filter_map(|r| r.gyro_clips_at_rad_s)
+            .filter_map(|r| r.gyro_digits.clips_at_rad_s)
             .filter(|limit| *limit < 0.98 * errors.range)
             .fold(f64::INFINITY, f64::min);
-        let step = self.problem.runs.iter().map(|r| r.gyro_step_rad_s).fold(f64::INFINITY, f64::min);
+        let step = self.problem.runs.iter().map(|r| r.gyro_digits.step_rad_s).fold(f64::INFINITY, f64::min);
         let coarse =
             step.is_finite() && step > 1.5 * errors.quantum && step > 0.3 * errors.noise_stddev.amin();
         if !range.is_finite() && !coarse {
@@ -91,13 +93,20 @@ impl Search<'_> {
         if coarse {
             parameters.push(parameter(step_name, step, 1e-3 * step));
         }
+        let seen_nats = |run: &Run| {
+            let Digits { clips_nats, step_nats, .. } = run.gyro_digits;
+            clips_nats * f64::from(range.is_finite()) + step_nats * f64::from(coarse)
+        };
+        let log_evidence: f64 = self.problem.runs.iter().map(seen_nats).sum();
+        let held_out = self.held_out.iter().flat_map(|held| held.runs.iter());
         Some(Candidate {
             effect: effect.to_owned(),
-            delta_log_evidence: 100.0,
-            held_out_gain: 100.0,
-            share_of_excess: 1.0,
+            delta_log_evidence: log_evidence,
+            held_out_gain: held_out.map(seen_nats).sum(),
+            // Readings that are rounded or cut off are no torque, and no other constant absorbs them.
+            share_of_excess: 0.0,
             swallowed_by_base: 0.0,
-            detectability: 200.0,
+            detectability: 2.0 * log_evidence,
             indistinguishable_from: Vec::new(),
             parameters,
         })
