@@ -50,7 +50,7 @@ use whorl_recording::Recording;
 
 use parameters::available::Available;
 use search::Search;
-use search::judge::{Judge, Judgement};
+use search::judge::{Judge, Judgement, Said};
 use search::latency::FoundLatency;
 
 /// Finds the effect that the model lacks.
@@ -90,24 +90,25 @@ pub fn diagnose(
         diagnosis
     };
     let recordings = (training, held_out);
-    let (search, without) = searched(&mut problem, held.as_mut(), recordings, options, progress)?;
+    let said = Said::default();
+    let (search, without) = searched(&mut problem, held.as_mut(), recordings, options, said, progress)?;
     let Some(extra_latency_s) =
         without.worth_new_bins(search.0.problem.reference.extra_latency_s, &options.settings)
     else {
         return Ok(noted(answer(search, recordings, progress)?));
     };
-    drop(search);
+    let said = Said::in_search(search.0, search.1);
     drop((problem, held));
     let (mut problem, mut held) =
         prepare(training, held_out, model, prior, options, Some(extra_latency_s), progress)?;
-    let (search, latency) = searched(&mut problem, held.as_mut(), recordings, options, progress)?;
+    let (search, latency) = searched(&mut problem, held.as_mut(), recordings, options, said, progress)?;
     if latency.explains_more_than_others(&without, &options.settings) {
         return Ok(noted(answer(search, recordings, progress)?));
     }
-    drop(search);
+    let said = Said::in_search(search.0, search.1);
     drop((problem, held));
     let (mut problem, mut held) = prepare(training, held_out, model, prior, options, None, progress)?;
-    let (search, _) = searched(&mut problem, held.as_mut(), recordings, options, progress)?;
+    let (search, _) = searched(&mut problem, held.as_mut(), recordings, options, said, progress)?;
     Ok(noted(answer(search, recordings, progress)?))
 }
 
@@ -120,11 +121,13 @@ fn searched<'a>(
     held_out: Option<&'a mut evidence::problem::Problem>,
     (training, held_out_recordings): (&'a [Recording], &'a [Recording]),
     options: &'a Options,
+    said: Said,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<(Searched<'a>, FoundLatency), DiagnosisError> {
     let available = Available::of(&problem.runs);
     let judge = Judge { training, held_out: held_out_recordings, available, threads: options.threads };
     let mut search = Search::start(problem, held_out, options, progress)?;
+    search.said = said;
     let judgement = search.run(judge, progress)?;
     let latency = FoundLatency::of(&search);
     Ok(((search, judgement), latency))

@@ -19,7 +19,7 @@ use crate::parameters::available::Available;
 use crate::refit::{Entered, Fit, Refit};
 use crate::search::Search;
 use crate::search::prior::log_prior;
-use crate::search::sampled::entered;
+use crate::search::sampled::{Beside, entered};
 use crate::search::score::{Converged, Judged, JudgedFit, Likelihoods};
 use crate::{DiagnosisError, Progress};
 
@@ -55,6 +55,29 @@ struct Alone {
     shown: Vec<bool>,
     /// Recordings that were held out, with them.
     held_out: Vec<Followed>,
+}
+
+/// What the samples have said of sets, which does not depend on how they are divided into bins.
+#[derive(Default)]
+pub(crate) struct Said {
+    alone: Option<Alone>,
+    judged: BTreeMap<Vec<String>, Judged>,
+    besides: Vec<Beside>,
+}
+
+impl Said {
+    /// In a search that has come to its end.
+    pub fn in_search(search: Search<'_>, judgement: Option<Judgement<'_>>) -> Self {
+        let Search { fitted, besides, said, .. } = search;
+        let mut judged = said.judged;
+        judged.extend(fitted.into_iter().filter_map(|(names, set)| Some((names, set.judged?))));
+        Self { alone: judgement.map(|judgement| judgement.base), judged, besides }
+    }
+
+    fn take_beside(&mut self, names: &[String]) -> Option<Beside> {
+        let at = self.besides.iter().position(|beside| beside.names == names)?;
+        Some(self.besides.swap_remove(at))
+    }
 }
 
 impl Search<'_> {
@@ -95,9 +118,7 @@ impl Search<'_> {
                 doing: "comparing every sample",
             });
             let entered = entered(&set, None);
-            let Some(found) = DiagnosisError::possible(judgement.beside(self, &set, &entered))? else {
-                break;
-            };
+            let Some(found) = self.said_of(&set, &entered, &judgement)? else { break };
             self.set_judged(set, found);
             self.judge_asked_for(&mut judgement)?;
         }
@@ -113,8 +134,13 @@ impl Search<'_> {
                 break;
             }
             let Some(fit) = most.judged.as_ref().map(|judged| &judged.fit) else { break };
-            let beside = DiagnosisError::possible(self.beside(&most, fit, judgement.judge.training))?;
-            let Some(beside) = beside.flatten() else { break };
+            let beside = match self.said.take_beside(&most.names) {
+                Some(said) => Some(said),
+                None => {
+                    DiagnosisError::possible(self.beside(&most, fit, judgement.judge.training))?.flatten()
+                }
+            };
+            let Some(beside) = beside else { break };
             let asked = beside.asked(&self.options.settings);
             self.besides.push(beside);
             for asked in asked.iter().filter(|_| most.names.len() < MOST_EFFECTS) {
@@ -124,7 +150,7 @@ impl Search<'_> {
                 let Some(larger) = larger.filter(|set| !self.is_ruled_out(&set.names)) else { continue };
                 judgement.left = fewer;
                 let entered = entered(&larger, Some(asked));
-                if let Some(found) = DiagnosisError::possible(judgement.beside(self, &larger, &entered))? {
+                if let Some(found) = self.said_of(&larger, &entered, judgement)? {
                     self.set_judged(larger, found);
                 }
             }
@@ -179,12 +205,28 @@ impl Search<'_> {
         open.max_by(|a, b| a.log_posterior().total_cmp(&b.log_posterior())).cloned()
     }
 
+    /// What the samples say of a set; `None` where its filter cannot be run.
+    fn said_of(
+        &self,
+        set: &Converged,
+        entered: &BTreeMap<&'static str, Entered>,
+        judgement: &Judgement<'_>,
+    ) -> Result<Option<Judged>, DiagnosisError> {
+        match self.said.judged.get(&set.names) {
+            Some(said) => Ok(Some(said.clone())),
+            None => DiagnosisError::possible(judgement.beside(self, set, entered)),
+        }
+    }
+
     /// Judges the set of no effects; `None` where no filter can be run.
     fn judge_alone(&mut self, judge: &Judge<'_>) -> Result<Option<Alone>, DiagnosisError> {
         let Some(without) = self.fitted.get(&Vec::new()).cloned() else { return Ok(None) };
-        let Some((alone, found)) = DiagnosisError::possible(judge.alone(self, &without))? else {
-            return Ok(None);
+        let likelihoods = self.said.judged.get(&without.names).map(|said| said.likelihoods);
+        let found = match self.said.alone.take().zip(likelihoods) {
+            Some(said) => Some(said),
+            None => DiagnosisError::possible(judge.alone(self, &without))?,
         };
+        let Some((alone, found)) = found else { return Ok(None) };
         let fit = Arc::clone(&alone.fit);
         self.set_judged(without, Judged { likelihoods: found, weakest: None, fit });
         Ok(Some(alone))

@@ -15,7 +15,7 @@ use crate::explanations::lines::Lines;
 use crate::explanations::place::Place;
 use crate::parameters::Point;
 use crate::parameters::available::Available;
-use crate::search::judge::{Judge, Judgement};
+use crate::search::judge::{Judge, Judgement, Said};
 use crate::search::latency::SetWithLatency;
 use crate::search::prior::log_prior;
 use crate::search::residual::{residual_powers, worst};
@@ -59,6 +59,8 @@ pub(crate) struct Search<'a> {
     pub samples_over_bins: f64,
     /// The normal equations of the samples about sets that were judged.
     pub besides: Vec<Beside>,
+    /// What the samples have said already, in a search with other bins.
+    pub said: Said,
     /// Log evidence in bins of each of them.
     pub of_bins: BTreeMap<Vec<String>, f64>,
     /// Sets that were fitted and are not compared any more.
@@ -119,6 +121,7 @@ impl<'a> Search<'a> {
             fitted: Fitted::new(),
             samples_over_bins: 0.0,
             besides: Vec::new(),
+            said: Said::default(),
             of_bins: BTreeMap::new(),
             forgotten: Vec::new(),
             latency: None,

@@ -56,8 +56,6 @@ pub(crate) struct Beside {
     at: Vec<f64>,
     /// Log evidence of the sums without any of them.
     without: f64,
-    /// Log posterior of the set as it was judged, up to the constant of all sets.
-    log_posterior: f64,
 }
 
 impl Beside {
@@ -84,7 +82,7 @@ impl Beside {
     /// Whether a set cannot change the answer beside one of this log posterior. Only for sets that hold the set of these normal
     /// equations, and besides it only effects that are linear. A small predicted gain is exact enough: the fit is near its optimum
     /// already. Far from an optimum the predicted gain may be half of the true one.
-    fn rules_out(&self, names: &[String], most: f64, settings: &Settings) -> bool {
+    fn rules_out(&self, names: &[String], own: f64, most: f64, settings: &Settings) -> bool {
         let is_own = |name: &String| self.names.contains(name);
         if names.len() <= self.names.len() || !self.names.iter().all(|name| names.contains(name)) {
             return false;
@@ -107,7 +105,7 @@ impl Beside {
         let gain = gain - choices - self.without;
         let most_gained = if gain > settings.window_nats { 2.0 * gain } else { gain };
         let predicted_gain = most_gained + log_prior(names, settings) - log_prior(&self.names, settings);
-        self.log_posterior + predicted_gain < most - settings.doubt_nats
+        own + predicted_gain < most - settings.doubt_nats
     }
 
     /// The same of an effect with the likeliest of its choices of columns, less the log-prior penalty of the choice.
@@ -165,7 +163,10 @@ impl Search<'_> {
     pub(crate) fn is_ruled_out(&self, names: &[String]) -> bool {
         let Some(most) = self.most_probable_judged().map(Converged::log_posterior) else { return false };
         let settings = &self.options.settings;
-        self.besides.iter().any(|beside| beside.rules_out(names, most, settings))
+        self.besides.iter().any(|beside| {
+            let own = self.fitted.get(&beside.names).map(Converged::log_posterior);
+            own.is_some_and(|own| beside.rules_out(names, own, most, settings))
+        })
     }
 
     /// The normal equations of all effects beside a set that was fitted to the samples.
@@ -198,7 +199,6 @@ impl Search<'_> {
         let Some(without) = Estimate::new(&normal, &own, known) else { return Ok(None) };
         Ok(Some(Beside {
             names: names.clone(),
-            log_posterior: set.log_posterior(),
             own,
             offered,
             without: without.log_evidence,
