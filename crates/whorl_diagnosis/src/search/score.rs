@@ -110,14 +110,6 @@ pub(crate) struct Converged {
     pub judged: Option<Judged>,
 }
 
-impl Converged {
-    /// Whether it explains the data without a random torque beside it: as the samples say, or where these were not asked, bins.
-    pub fn needs_no_torque(&self) -> bool {
-        let of_bins = self.score.nuisance.torque == 0;
-        self.judged.as_ref().map_or(of_bins, |judged| judged.fit.needs_no_torque())
-    }
-}
-
 /// What the filter says of a set.
 #[derive(Debug, Clone)]
 pub(crate) struct Judged {
@@ -165,11 +157,6 @@ impl JudgedFit {
             normal.vector[i] -= units / parameter.stddev.powi(2);
         }
         Ok(normal)
-    }
-
-    /// Whether no run is likelier with a random torque beside it.
-    fn needs_no_torque(&self) -> bool {
-        self.fitted.followed.iter().all(|run| !run.noise.disturbance.is_some())
     }
 
     /// Standard deviation of the slow random torque beside it, root mean square of all axes and runs [N m].

@@ -143,8 +143,7 @@ impl Search<'_> {
                 probability: 0.0,
             });
         }
-        let is_clean = score.is_some_and(|s| s.relative_error < rough)
-            && self.fitted(&self.best).is_some_and(Converged::needs_no_torque)
+        let is_clean = score.is_some_and(|s| s.nuisance.torque == 0 && s.relative_error < rough)
             && left < settings.noticed_stddevs
             && periodicity.is_none()
             // Errors of sensors may come and go too fast to leave a slow residual.
@@ -154,13 +153,16 @@ impl Search<'_> {
         if !is_clean {
             self.lines = crate::explanations::spectrum::lines(self.place(), &self.best);
             let mut anchors = vec![self.best.clone()];
-            // And alone: the best set may only look like what is missing.
+            // And alone, if something is left beside it: then the best set may only look like what is missing.
             if !self.best.terms.is_empty() {
                 anchors.push(self.base.clone());
             }
             for anchor in &anchors {
                 let Some(at) = self.fitted(anchor).cloned() else { continue };
                 let laws = self.laws_beside(&at, training)?;
+                let gains =
+                    |law: &Unmodelled| law.log_evidence - at.score.log_evidence > -settings.doubt_nats;
+                let leaves_nothing = !laws.iter().any(gains);
                 let explained = at.score.log_evidence
                     - self.score(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
                 // The residual of a set is taken for another law only where it exceeds the leakage of the set's own formulas.
@@ -177,6 +179,9 @@ impl Search<'_> {
                     is_law: true,
                     probability: 0.0,
                 }));
+                if leaves_nothing {
+                    break;
+                }
             }
         }
         all.extend(self.evaluated_sets());
