@@ -89,7 +89,10 @@ pub(crate) fn pass(
     let columns = Columns::new(case, start.layout.size(), varied, laws)?;
     let parameters = columns.count();
     let design = if keeps { Design::new(parameters, case.numbers()) } else { None };
-    let mut filter = Filter::new(case, noise, start).about_known_biases(start).looking_back().varying(columns.keeping(design));
+    let mut filter = Filter::new(case, noise, start)
+        .about_known_biases(start)
+        .looking_back()
+        .varying(columns.keeping(design));
     let (mut likelihood, mut order) = (Likelihood::begun(&filter), Order::default());
     while filter.step(&mut |innovation| {
         likelihood.add(innovation);
