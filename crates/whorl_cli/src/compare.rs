@@ -4,7 +4,7 @@ use whorl_commands::compare::{as_json, refitted};
 use whorl_explain::{ComparedRun, compare, prediction_error};
 use whorl_math::three_digits;
 use whorl_validation::Comparison;
-use whorl_validation::comparison::PREDICTION_RULE;
+use whorl_validation::comparison::{PREDICTION_RULE, ahead};
 
 use crate::explain::ExplainArguments;
 use crate::output::say;
@@ -89,7 +89,7 @@ fn print_errors(comparison: &Comparison) {
     let Some(first) = comparison.channels.first() else { return };
     let mut headings: Vec<String> = ["channel", "unit", "#noise"].into_iter().map(str::to_owned).collect();
     for h in &first.horizons {
-        let name = h.horizon_s.map_or_else(|| "run".to_owned(), |s| format!("{s} s"));
+        let name = h.horizon_s.map_or_else(|| "run".to_owned(), |s| format!("{} s", ahead(s)));
         headings.extend([format!("#RMS {name}"), "#ratio".to_owned(), "#fit %".to_owned()]);
     }
     let row = |channel: &whorl_validation::comparison::ChannelErrors| {

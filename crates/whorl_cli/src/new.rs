@@ -87,7 +87,11 @@ impl Ask for Terminal {
         std::io::stderr().flush().ok()?;
         let mut answer = String::new();
         match std::io::stdin().lock().read_line(&mut answer) {
-            Ok(0) | Err(_) => None,
+            Ok(0) | Err(_) => {
+                // Ctrl-D leaves the cursor behind the question.
+                eprintln!();
+                None
+            }
             Ok(_) => Some(answer),
         }
     }

@@ -7,6 +7,7 @@ use whorl_recording::Component;
 
 use crate::claims::Claims;
 use crate::columns::Columns;
+use crate::guess::known_biases;
 use crate::heading::UnseenHeading;
 use crate::information::Information;
 use crate::layout::Layout;
@@ -56,7 +57,7 @@ pub(crate) struct Origin {
     before: DMatrix<f64>,
     /// and by how much it has become less.
     learnt: Information,
-    /// How far it is from where the filter began.
+    /// How far it is from the start that was given.
     pub shift: DVector<f64>,
 }
 
@@ -90,6 +91,10 @@ pub(crate) struct Filter<'a> {
     pub event: usize,
     cursor: Cursor,
     pub origin: Option<Origin>,
+    /// How far from the start that was given the filter began,
+    begun: DVector<f64>,
+    /// and what of the logarithm of what was known before the run the innovations do not say.
+    pub log_known: f64,
     /// What the readings since an instant say of the state there.
     pub since: Option<Since>,
     /// What of the attitude at the start is of no consequence.
@@ -123,6 +128,8 @@ impl<'a> Filter<'a> {
             event,
             cursor: Cursor::new(case.tracks()),
             origin: None,
+            begun: DVector::zeros(layout.size()),
+            log_known: 0.0,
             since: None,
             lost: false,
         };
@@ -130,12 +137,31 @@ impl<'a> Filter<'a> {
         filter
     }
 
+    /// The same of a start that moves from pass to pass: what was known of the sensors' biases before the run stays about none. With b
+    /// the start's biases, B the variances known of them and P the start's covariance, in which B is a part of the information,
+    ///
+    /// ```text
+    /// start' = start - P B^-1 b        log p' = log p - b B^-1 b/2 + b B^-1 P B^-1 b/2
+    /// ```
+    ///
+    /// Otherwise pass after pass would move the biases as if nothing were known of them, against a tilt that looks the same.
+    pub fn about_known_biases(mut self, start: &Start) -> Self {
+        let mut pull = DVector::zeros(self.layout.size());
+        for (i, stddev) in known_biases(self.case, self.layout).filter(|(_, stddev)| *stddev > 0.0) {
+            pull[i] = -start.beside[i] / (stddev * stddev);
+        }
+        self.begun = &self.covariance * &pull;
+        self.log_known = 0.5 * (pull.dot(&start.beside) + pull.dot(&self.begun));
+        let begun = self.begun.clone();
+        self.change(begun.as_view());
+        self
+    }
+
     /// The same, which learns of its start as it goes.
     pub fn looking_back(mut self) -> Self {
         let p = &self.covariance;
-        let size = p.nrows();
-        let learnt = Information::new(size, 0, 0);
-        let shift = DVector::zeros(size);
+        let learnt = Information::new(p.nrows(), 0, 0);
+        let shift = self.begun.clone();
         self.origin = Some(Origin { covariance: p.clone(), before: p.clone(), learnt, shift });
         self
     }

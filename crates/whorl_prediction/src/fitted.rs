@@ -130,8 +130,8 @@ struct Passed {
 
 impl Passed {
     fn over(case: &Prepared<'_>, noise: &Noise, start: Start, part: usize) -> Self {
-        let mut filter = Filter::new(case, noise, &start).looking_back();
-        let (mut taken, mut likelihood) = (0, Likelihood::default());
+        let mut filter = Filter::new(case, noise, &start).about_known_biases(&start).looking_back();
+        let (mut taken, mut likelihood) = (0, Likelihood::begun(&filter));
         while taken < part && filter.step(&mut |innovation| likelihood.add(innovation)) {
             taken += 1;
         }

@@ -66,7 +66,7 @@ impl Start {
 }
 
 /// Standard deviations of the sensors' biases before a run, about none, as the model states them; in their units.
-fn known_biases(case: &Prepared<'_>, layout: Layout) -> impl Iterator<Item = (usize, f64)> {
+pub(crate) fn known_biases(case: &Prepared<'_>, layout: Layout) -> impl Iterator<Item = (usize, f64)> {
     let sensors = &case.model().sensors;
     let of = |biases: Range<usize>, stddev: Vector3<f64>| (0..3).map(move |axis| stddev[axis]).zip(biases);
     let gyro = of(layout.gyro_bias(), sensors.gyro.errors.bias_turn_on_stddev);

@@ -189,10 +189,10 @@ struct Squares {
 
 impl Moments {
     fn of(case: &Prepared<'_>, noise: &Noise, start: &Start, part: usize) -> Self {
-        let mut filter = Filter::new(case, noise, start);
+        let mut filter = Filter::new(case, noise, start).about_known_biases(start);
         let layout = filter.layout;
         let mut found = Self {
-            log: 0.0,
+            log: filter.log_known,
             layout,
             estimate: DVector::zeros(layout.size()),
             variance: DVector::zeros(layout.size()),

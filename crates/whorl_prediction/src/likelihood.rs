@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::filter::Innovation;
+use crate::filter::{Filter, Innovation};
 
 /// Sums over all innovations of a recording.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
@@ -22,6 +22,11 @@ impl Likelihood {
     #[must_use]
     pub fn misfit(&self) -> f64 {
         self.chi_squared / self.numbers.max(1) as f64
+    }
+
+    /// Of no readings yet.
+    pub(crate) fn begun(filter: &Filter<'_>) -> Self {
+        Self { log: filter.log_known, ..Self::default() }
     }
 
     pub(crate) fn add(&mut self, innovation: &Innovation) {

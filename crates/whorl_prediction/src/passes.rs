@@ -89,8 +89,11 @@ pub(crate) fn pass(
     let columns = Columns::new(case, start.layout.size(), varied, laws)?;
     let parameters = columns.count();
     let design = if keeps { Design::new(parameters, case.numbers()) } else { None };
-    let mut filter = Filter::new(case, noise, start).looking_back().varying(columns.keeping(design));
-    let (mut likelihood, mut order) = (Likelihood::default(), Order::default());
+    let mut filter = Filter::new(case, noise, start)
+        .about_known_biases(start)
+        .looking_back()
+        .varying(columns.keeping(design));
+    let (mut likelihood, mut order) = (Likelihood::begun(&filter), Order::default());
     while filter.step(&mut |innovation| {
         likelihood.add(innovation);
         if keeps {
@@ -110,8 +113,8 @@ pub(crate) fn pass(
 
 /// A pass over a recording without columns; with those of another pass close by it shows the slope as well.
 pub(crate) fn pass_near(case: &Prepared<'_>, noise: &Noise, start: &Start, kept: Option<&Arc<Kept>>) -> Pass {
-    let mut filter = Filter::new(case, noise, start).looking_back();
-    let (mut likelihood, mut order) = (Likelihood::default(), Order::default());
+    let mut filter = Filter::new(case, noise, start).about_known_biases(start).looking_back();
+    let (mut likelihood, mut order) = (Likelihood::begun(&filter), Order::default());
     let mut slope = kept.map_or_else(|| DVector::zeros(0), |kept| kept.no_slope());
     while filter.step(&mut |innovation| {
         if let Some(kept) = kept {

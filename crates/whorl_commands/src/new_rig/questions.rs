@@ -1,5 +1,8 @@
 //! Questions to whoever sits at the terminal.
 
+use nalgebra::{Matrix3, Vector3};
+use whorl_dynamics::MassProperties;
+
 use super::lines::{Origin, Sourced};
 
 /// Somebody who may be asked.
@@ -36,21 +39,31 @@ pub fn choice(ask: &mut dyn Ask, question: &str, of: &[&str], suggested: Sourced
 /// Asks for a positive number.
 pub fn positive(ask: &mut dyn Ask, question: &str, suggested: Sourced<f64>) -> Sourced<f64> {
     asked(ask, question, &super::lines::number(suggested.value), suggested, |answer| {
-        let number = answer.replacen(',', ".", 1).parse::<f64>().ok();
+        let number = read_number(answer);
         number.filter(|x| *x > 0.0 && x.is_finite()).ok_or_else(|| "a number above 0".to_owned())
     })
 }
 
-/// Asks for three positive numbers.
-pub fn three(ask: &mut dyn Ask, question: &str, suggested: Sourced<[f64; 3]>) -> Sourced<[f64; 3]> {
+/// Asks for the moments of inertia of a body.
+pub fn moments(ask: &mut dyn Ask, question: &str, suggested: Sourced<[f64; 3]>) -> Sourced<[f64; 3]> {
     let shown = suggested.value.map(super::lines::number).join(" ");
     asked(ask, question, &shown, suggested, |answer| {
-        let numbers: Vec<f64> = answer.split_whitespace().filter_map(|word| word.parse().ok()).collect();
-        let three = <[f64; 3]>::try_from(numbers).ok();
-        three
-            .filter(|all| all.iter().all(|x| *x > 0.0 && x.is_finite()))
-            .ok_or_else(|| "three numbers above 0, with spaces between".to_owned())
+        let numbers: Option<Vec<f64>> = answer.split_whitespace().map(read_number).collect();
+        let three = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
+        let Some(three) = three.filter(|all| all.iter().all(|x| *x > 0.0 && x.is_finite())) else {
+            return Err("three numbers above 0, with spaces between".to_owned());
+        };
+        let inertia = Matrix3::from_diagonal(&Vector3::from(three));
+        match MassProperties::new(inertia, Vector3::zeros(), 1.0) {
+            Ok(_) => Ok(three),
+            Err(_) => Err("three numbers of which none is more than the sum of the other two".to_owned()),
+        }
     })
+}
+
+/// A number with a decimal point or comma.
+fn read_number(text: &str) -> Option<f64> {
+    text.replacen(',', ".", 1).parse().ok()
 }
 
 /// Asks for a name of letters, digits and underscores.

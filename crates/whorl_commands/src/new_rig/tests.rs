@@ -195,9 +195,10 @@ impl Ask for Answers {
 
 #[test]
 fn answers_are_taken_and_what_cannot_be_used_is_asked_again() {
-    let mut answers = Answers(vec!["bench", "hovering", "on_bearing", "0", "12,5", "0.2 0.3 0.4"], 0);
+    let mut answers =
+        Answers(vec!["bench", "hovering", "on_bearing", "0", "12,5", "0.2 0.3 5", "0,2 0.3 0.4"], 0);
     let (made, _folder) = of_text(&table(&PLAIN), &mut answers);
-    assert_eq!((answers.0.len(), answers.1, made.platform.as_str()), (0, 2, "bench"));
+    assert_eq!((answers.0.len(), answers.1, made.platform.as_str()), (0, 3, "bench"));
     assert_eq!(line(&made, "mass_kg: 12.5").1, Origin::Answered);
     assert_eq!(
         line(&made, "inertia_kg_m2: {xx: 0.2, xy: 0.0, xz: 0.0, yy: 0.3, yz: 0.0, zz: 0.4}").1,

@@ -11,7 +11,7 @@ pub use verdict::{Absolute, PredictionError, Unexplained};
 pub use white::White;
 pub use whiteness::{InputCorrelation, Whiteness};
 pub use whorl_recording::Channel;
-pub use words::SMALL_ERROR;
+pub use words::{SMALL_ERROR, ahead};
 
 use serde::Serialize;
 use whorl_dynamics::PlatformModel;

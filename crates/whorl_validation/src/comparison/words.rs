@@ -28,7 +28,7 @@ impl Comparison {
         let error = self.prediction.map(|of| {
             format!(
                 "predictions of {} s err {} times what noise explains",
-                of.horizon_s,
+                ahead(of.horizon_s),
                 three_digits(of.ratio())
             )
         });
@@ -55,7 +55,7 @@ impl Comparison {
                 " Worst is {}: {} {unit} RMS {} s ahead, {} times its predicted deviation.",
                 channel.name,
                 three_digits(rms * factor),
-                horizon_s,
+                ahead(horizon_s),
                 three_digits(ratio)
             ));
         }
@@ -131,6 +131,16 @@ impl fmt::Display for Unexplained {
         let motors = self.motors_n_m.iter().filter(|(_, stddev)| *stddev > least);
         parts.extend(motors.map(|(name, stddev)| format!("{} mN m of {name}'s motor", milli(stddev))));
         write!(f, "{} (standard deviation)", parts.join("; "))
+    }
+}
+
+/// A horizon in seconds: 10 and not 10.0, 2.5 of a run of 9.995 s.
+#[must_use]
+pub fn ahead(horizon_s: f64) -> String {
+    let text = three_digits(horizon_s);
+    match text.split_once('.') {
+        Some(_) if !text.contains('e') => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        _ => text,
     }
 }
 

@@ -8,7 +8,7 @@ use sensors::sensors;
 
 use super::lines::{Lines, Origin, Sourced, list, number};
 use super::measure::Measured;
-use super::questions::{Ask, choice, positive, three};
+use super::questions::{Ask, choice, moments, positive};
 
 /// What stands for a body that nobody weighed: 1 kg, as wide as a loaf of bread \[kg, kg m^2\].
 const MASS_KG: f64 = 1.0;
@@ -94,7 +94,7 @@ pub fn lines(name: &str, parts: &Parts, seen: &Measured, ask: &mut dyn Ask) -> L
         Sourced::new([INERTIA_KG_M2; 3], Origin::Assumed, "weigh it, or take it from the drawings");
     if kind != "clamped" {
         mass = positive(ask, "Mass of what turns [kg]", mass);
-        inertia = three(ask, "Its inertia about x, y, z [kg m^2]", inertia);
+        inertia = moments(ask, "Its inertia about x, y, z [kg m^2]", inertia);
         lines.add(3, format!("mass_kg: {}", number(mass.value)), mass.origin, mass.words.clone());
         let [x, y, z] = inertia.value.map(number);
         let text = format!("inertia_kg_m2: {{xx: {x}, xy: 0.0, xz: 0.0, yy: {y}, yz: 0.0, zz: {z}}}");
