@@ -1,6 +1,7 @@
 //! Tests on simulated runs with a known answer.
 
 mod agreement;
+mod driven;
 #[path = "../../../whorl_trajectory/src/tests/generator.rs"]
 mod generator;
 mod history;
