@@ -35,7 +35,7 @@ use crate::filter::{Whitened, torque_rates};
 use crate::lanes::Changes;
 use crate::passing::{self, Carried, Columns};
 use crate::places::Places;
-use crate::ratio::{MOST_DIRECTIONS, Suspect, estimate, ln_ratio};
+use crate::ratio::{Estimate, MOST_DIRECTIONS, Suspect, estimate, ln_ratio};
 
 /// Prior sizes of an effect over the catalogue's, each as likely: those of the diagnosis that a run of minutes can tell.
 const SIZES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
@@ -71,6 +71,8 @@ pub struct Evaluated {
     pub estimate: Vec<f64>,
     /// Their standard deviations.
     pub stddev: Vec<f64>,
+    /// One of them is at an end of what a rig can have.
+    pub is_at_end: bool,
     /// Start from which the likeliest way is counted \[ns\].
     pub since_ns: i64,
 }
@@ -279,15 +281,16 @@ impl Evidence {
             .filter_map(|((best, probability), effect)| {
                 let (_, suspect, start) = best.as_ref()?;
                 let unmodelled = *effect == UNKNOWN_TORQUE;
-                let (estimate, stddev) =
-                    estimate(suspect, &start.carried, if unmodelled { self.unmodelled_n_m } else { 1.0 })?;
+                let unit = if unmodelled { self.unmodelled_n_m } else { 1.0 };
+                let Estimate { values, stddevs, is_at_end } = estimate(suspect, &start.carried, unit)?;
                 let direction = |column: &usize| self.followed.get(*column).copied();
                 Some(Evaluated {
                     effect,
                     probability: *probability,
                     directions: suspect.columns.iter().filter_map(direction).collect(),
-                    estimate,
-                    stddev,
+                    estimate: values,
+                    stddev: stddevs,
+                    is_at_end,
                     since_ns: start.at_ns,
                 })
             })

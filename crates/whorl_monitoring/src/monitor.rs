@@ -419,7 +419,17 @@ impl Monitor {
     }
 
     fn likeliest(&self) -> Option<Likeliest> {
-        let first = self.evidence.evaluated().into_iter().next()?;
+        let all = self.evidence.evaluated();
+        let mut first = all.first()?;
+        let mut probability = first.probability;
+        // A value at an end of what a rig can have is no effect's own: it follows something that has no name here.
+        if first.is_at_end
+            && let Some(unmodelled) = all.iter().find(|one| one.effect == UNKNOWN_TORQUE)
+        {
+            first = unmodelled;
+            let without_name = all.iter().filter(|one| one.is_at_end || one.effect == UNKNOWN_TORQUE);
+            probability = without_name.map(|one| one.probability).sum();
+        }
         let numbers = first.estimate.iter().zip(&first.stddev);
         let parameters = if first.effect == UNKNOWN_TORQUE {
             let named = ["torque_x", "torque_y", "torque_z"].into_iter().zip(numbers);
@@ -443,7 +453,7 @@ impl Monitor {
         };
         Some(Likeliest {
             effect: first.effect.to_owned(),
-            probability: first.probability.min(1.0),
+            probability: probability.min(1.0),
             parameters,
             since_ns: first.since_ns,
         })

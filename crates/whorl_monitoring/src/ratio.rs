@@ -125,8 +125,16 @@ fn spread(suspect: &Suspect, sums: &Carried) -> f64 {
     suspect.columns.iter().enumerate().filter_map(of).fold(0.0, f64::max)
 }
 
-/// Estimates and standard deviations of a suspect's columns, times a factor.
-pub(crate) fn estimate(suspect: &Suspect, sums: &Carried, factor: f64) -> Option<(Vec<f64>, Vec<f64>)> {
+/// Estimates of a suspect's columns.
+pub(crate) struct Estimate {
+    pub values: Vec<f64>,
+    pub stddevs: Vec<f64>,
+    /// One of them is at an end of what a rig can have.
+    pub is_at_end: bool,
+}
+
+/// Estimates of a suspect's columns and their standard deviations, times a factor.
+pub(crate) fn estimate(suspect: &Suspect, sums: &Carried, factor: f64) -> Option<Estimate> {
     let ratio = |size: f64| ln_ratio(suspect, sums, size, 0.0);
     let best = suspect.sizes.iter().copied().max_by(|a, b| ratio(*a).total_cmp(&ratio(*b)))?;
     let (lower, score) = scaled(suspect, sums, best);
@@ -136,14 +144,14 @@ pub(crate) fn estimate(suspect: &Suspect, sums: &Carried, factor: f64) -> Option
     let score = DVector::from_fn(count, |i, _| score[i]);
     let (mean, covariance) = (cholesky.solve(&score), cholesky.inverse());
     let s = |i: usize| suspect.stddev[i] * best;
-    let kept = |i: usize| {
-        let (low, high) = suspect.range.get(i).copied().unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
-        (mean[i] * s(i)).max(low).min(high) * factor
-    };
-    Some((
-        (0..count).map(kept).collect(),
-        (0..count).map(|i| covariance[(i, i)].sqrt() * s(i) * factor).collect(),
-    ))
+    let range = |i: usize| suspect.range.get(i).copied().unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+    let value = |i: usize| mean[i] * s(i);
+    let kept = |i: usize| value(i).max(range(i).0).min(range(i).1) * factor;
+    Some(Estimate {
+        values: (0..count).map(kept).collect(),
+        stddevs: (0..count).map(|i| covariance[(i, i)].sqrt() * s(i) * factor).collect(),
+        is_at_end: (0..count).any(|i| value(i) <= range(i).0 || value(i) >= range(i).1),
+    })
 }
 
 #[cfg(test)]
@@ -201,6 +209,19 @@ mod tests {
         let quadratic = (z.transpose() * inner.clone().try_inverse().unwrap() * &z)[0] * s * s;
         let expected = 0.5 * (quadratic - inner.determinant().ln());
         assert!((ln_ratio(&suspect, &sums, 3.0, 0.0) - expected).abs() < 1e-12);
+    }
+
+    /// What data put beyond a range is kept at its end, and said to be there.
+    #[test]
+    fn an_estimate_at_an_end_of_its_range_is_told() {
+        let sums = Carried::with_sums(&[100.0], &[50.0]);
+        let of = |most: f64| {
+            estimate(&Suspect { range: vec![(-most, most)], ..suspect(1, 1.0) }, &sums, 1.0).unwrap()
+        };
+        // 100/(50 + 1) = 1.96.
+        let (free, kept) = (of(3.0), of(0.3));
+        assert!(!free.is_at_end && (free.values[0] - 100.0 / 51.0).abs() < 1e-12);
+        assert!(kept.is_at_end && kept.values[0] == 0.3);
     }
 
     /// One column with a range: the integral over the part of the prior that a rig can have.
