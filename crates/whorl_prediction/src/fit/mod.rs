@@ -73,16 +73,16 @@ pub fn fit_beside(
 ) -> Result<Fitted, PredictionError> {
     let settings = &Settings { derivatives_held: settings.fit_derivatives_held, ..*settings };
     let problem = Problem { recordings, parameters, model_at, settings };
-    let (begun, has_own_levels) = match rival.followed {
-        [] => (problem.begun(starts)?, true),
+    let begun = match rival.followed {
+        [] => problem.begun(starts)?,
         followed => problem.begun_beside(starts, followed)?,
     };
     let before = begun.log_posterior;
-    let mut best = problem.settled(begun, has_own_levels, rival.log_posterior_needed)?;
+    let mut best = problem.settled(begun, rival.log_posterior_needed)?;
     // Beside disturbances parameters hardly matter, and both shrink slowly: the model without them may explain everything by now.
     let undisturbed = problem.without_disturbance(&best.iterate).filter(|_| !best.is_hopeless);
     if let Some(undisturbed) = undisturbed {
-        let undisturbed = problem.settled(undisturbed, true, best.iterate.log_posterior)?;
+        let undisturbed = problem.settled(undisturbed, best.iterate.log_posterior)?;
         if undisturbed.iterate.log_posterior > best.iterate.log_posterior {
             best = undisturbed;
         }

@@ -36,17 +36,13 @@ impl Problem<'_> {
         best.ok_or(PredictionError::NoModel)
     }
 
-    /// The same with the levels of a rival, and whether they are its own: if it is as likely as the rival, which it then is itself. Levels
-    /// are found where values have come to, not where they begin.
-    pub fn begun_beside(
-        &self,
-        starts: &[Vec<f64>],
-        rival: &[Followed],
-    ) -> Result<(Iterate, bool), PredictionError> {
+    /// The same with the levels of a rival, of which only the likeliest needs its own: if it is not as likely as the rival, which it may
+    /// be itself.
+    pub fn begun_beside(&self, starts: &[Vec<f64>], rival: &[Followed]) -> Result<Iterate, PredictionError> {
         let runs = runs_of(rival);
         let mut best: Option<(f64, &Vec<f64>)> = None;
         if !starts.iter().any(|at| self.are_of(at, &runs)) {
-            return Ok((self.begun(starts)?, true));
+            return self.begun(starts);
         }
         for at in starts {
             let log = match self.passes_without_columns(at, &runs) {
@@ -60,19 +56,16 @@ impl Problem<'_> {
         }
         let (log_posterior, at) = best.ok_or(PredictionError::NoModel)?;
         let of_rival = self.log_posterior(at, rival);
-        let has_own_levels = (log_posterior - of_rival).abs() < self.settings.fit_round_nats;
-        let log_posterior = if has_own_levels { of_rival } else { log_posterior };
-        Ok((Iterate { log_posterior, at: at.clone(), followed: rival.to_vec() }, has_own_levels))
+        let followed = if (log_posterior - of_rival).abs() < self.settings.fit_round_nats {
+            rival.to_vec()
+        } else {
+            self.followed(at, Some(rival))?
+        };
+        Ok(Iterate { log_posterior: self.log_posterior(at, &followed), at: at.clone(), followed })
     }
 
-    /// Values and levels by turns, until both stand, or nothing likelier than `least` is in sight. `has_own_levels`: those where it
-    /// begins are its own, not a rival's.
-    pub fn settled(
-        &self,
-        begun: Iterate,
-        mut has_own_levels: bool,
-        least: f64,
-    ) -> Result<Settled, PredictionError> {
+    /// Values and levels by turns, until both stand, or nothing likelier than `least` is in sight.
+    pub fn settled(&self, begun: Iterate, least: f64) -> Result<Settled, PredictionError> {
         let settings = self.settings;
         let nothing_varies = self.parameters.is_empty();
         let mut best =
@@ -112,20 +105,13 @@ impl Problem<'_> {
             });
             let log_before = levels.log_posterior;
             levels = Iterate { log_posterior: self.log_posterior(&at, &followed), at, followed };
-            if levels.log_posterior > best.iterate.log_posterior || !has_own_levels {
-                has_own_levels = true;
+            if levels.log_posterior > best.iterate.log_posterior {
                 best.iterate = levels.clone();
                 // Levels that stand make the same of the parameters.
                 best.information = same.then_some(information);
             }
             let gains = levels.log_posterior - log_before > settings.fit_round_nats;
             best.stands = same && is_top || !gains;
-        }
-        if !has_own_levels && !best.is_hopeless {
-            let Iterate { at, followed, .. } = best.iterate;
-            let followed = self.followed(&at, Some(&followed))?;
-            best.iterate = Iterate { log_posterior: self.log_posterior(&at, &followed), at, followed };
-            best.information = None;
         }
         Ok(best)
     }
