@@ -71,8 +71,8 @@ pub struct Evaluated {
     pub estimate: Vec<f64>,
     /// Their standard deviations.
     pub stddev: Vec<f64>,
-    /// One of them is at an end of what a rig can have.
-    pub is_at_end: bool,
+    /// Data put one of them further beyond what a rig can have than chance does.
+    pub is_beyond: bool,
     /// Start from which the likeliest way is counted \[ns\].
     pub since_ns: i64,
 }
@@ -282,7 +282,7 @@ impl Evidence {
                 let (_, suspect, start) = best.as_ref()?;
                 let unmodelled = *effect == UNKNOWN_TORQUE;
                 let unit = if unmodelled { self.unmodelled_n_m } else { 1.0 };
-                let Estimate { values, stddevs, is_at_end } = estimate(suspect, &start.carried, unit)?;
+                let Estimate { values, stddevs, is_beyond } = estimate(suspect, &start.carried, unit)?;
                 let direction = |column: &usize| self.followed.get(*column).copied();
                 Some(Evaluated {
                     effect,
@@ -290,7 +290,7 @@ impl Evidence {
                     directions: suspect.columns.iter().filter_map(direction).collect(),
                     estimate: values,
                     stddev: stddevs,
-                    is_at_end,
+                    is_beyond,
                     since_ns: start.at_ns,
                 })
             })

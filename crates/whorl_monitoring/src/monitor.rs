@@ -422,12 +422,12 @@ impl Monitor {
         let all = self.evidence.evaluated();
         let mut first = all.first()?;
         let mut probability = first.probability;
-        // A value at an end of what a rig can have is no effect's own: it follows something that has no name here.
-        if first.is_at_end
+        // A value beyond what a rig can have is no effect's own: it follows something that has no name here.
+        if first.is_beyond
             && let Some(unmodelled) = all.iter().find(|one| one.effect == UNKNOWN_TORQUE)
         {
             first = unmodelled;
-            let without_name = all.iter().filter(|one| one.is_at_end || one.effect == UNKNOWN_TORQUE);
+            let without_name = all.iter().filter(|one| one.is_beyond || one.effect == UNKNOWN_TORQUE);
             probability = without_name.map(|one| one.probability).sum();
         }
         let numbers = first.estimate.iter().zip(&first.stddev);

@@ -129,9 +129,12 @@ fn spread(suspect: &Suspect, sums: &Carried) -> f64 {
 pub(crate) struct Estimate {
     pub values: Vec<f64>,
     pub stddevs: Vec<f64>,
-    /// One of them is at an end of what a rig can have.
-    pub is_at_end: bool,
+    /// Data put one of them further beyond what a rig can have than chance does.
+    pub is_beyond: bool,
 }
+
+/// Deviations beyond an end of a range that are no chance: a jet that is dead is at its end, and an estimate scatters about it.
+const BEYOND_STDDEVS: f64 = 3.0;
 
 /// Estimates of a suspect's columns and their standard deviations, times a factor.
 pub(crate) fn estimate(suspect: &Suspect, sums: &Carried, factor: f64) -> Option<Estimate> {
@@ -147,10 +150,12 @@ pub(crate) fn estimate(suspect: &Suspect, sums: &Carried, factor: f64) -> Option
     let range = |i: usize| suspect.range.get(i).copied().unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
     let value = |i: usize| mean[i] * s(i);
     let kept = |i: usize| value(i).max(range(i).0).min(range(i).1) * factor;
+    let stddev = |i: usize| covariance[(i, i)].sqrt() * s(i);
+    let beyond = |i: usize| (range(i).0 - value(i)).max(value(i) - range(i).1);
     Some(Estimate {
         values: (0..count).map(kept).collect(),
-        stddevs: (0..count).map(|i| covariance[(i, i)].sqrt() * s(i) * factor).collect(),
-        is_at_end: (0..count).any(|i| value(i) <= range(i).0 || value(i) >= range(i).1),
+        stddevs: (0..count).map(|i| stddev(i) * factor).collect(),
+        is_beyond: (0..count).any(|i| beyond(i) > BEYOND_STDDEVS * stddev(i)),
     })
 }
 
@@ -211,17 +216,18 @@ mod tests {
         assert!((ln_ratio(&suspect, &sums, 3.0, 0.0) - expected).abs() < 1e-12);
     }
 
-    /// What data put beyond a range is kept at its end, and said to be there.
+    /// What data put beyond a range is kept at its end, and told where that is no chance.
     #[test]
-    fn an_estimate_at_an_end_of_its_range_is_told() {
+    fn an_estimate_beyond_its_range_is_told() {
         let sums = Carried::with_sums(&[100.0], &[50.0]);
         let of = |most: f64| {
             estimate(&Suspect { range: vec![(-most, most)], ..suspect(1, 1.0) }, &sums, 1.0).unwrap()
         };
-        // 100/(50 + 1) = 1.96.
-        let (free, kept) = (of(3.0), of(0.3));
-        assert!(!free.is_at_end && (free.values[0] - 100.0 / 51.0).abs() < 1e-12);
-        assert!(kept.is_at_end && kept.values[0] == 0.3);
+        // 100/(50 + 1) = 1.96 +- 0.14.
+        let (free, close, kept) = (of(3.0), of(1.8), of(0.3));
+        assert!(!free.is_beyond && (free.values[0] - 100.0 / 51.0).abs() < 1e-12);
+        assert!(!close.is_beyond && close.values[0] == 1.8);
+        assert!(kept.is_beyond && kept.values[0] == 0.3);
     }
 
     /// One column with a range: the integral over the part of the prior that a rig can have.

@@ -68,7 +68,8 @@ pub(crate) struct Said {
 impl Said {
     /// In a search that has come to its end.
     pub fn in_search(search: Search<'_>, judgement: Option<Judgement<'_>>) -> Self {
-        let Search { fitted, besides, said, .. } = search;
+        let Search { fitted, mut besides, said, .. } = search;
+        besides.extend(said.besides);
         let mut judged = said.judged;
         judged.extend(fitted.into_iter().filter_map(|(names, set)| Some((names, set.judged?))));
         Self { alone: judgement.map(|judgement| judgement.base), judged, besides }
