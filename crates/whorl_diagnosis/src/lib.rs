@@ -5,13 +5,10 @@
 //!
 //! # Method
 //!
-//! The model is linearised about a trajectory that is smoothed from the measurements. Along it, the
-//! model predicts every sample. The residuals pass through a Kalman filter over attitude, rate, wheel
-//! speeds and sensor biases, which whitens them to unit variance. The sensitivities of every sample to
-//! the parameters of the platform and of every candidate effect pass through the same filter. The
-//! result is an ordinary regression with white noise. In it the candidates compete, and the platform's
-//! own parameters are always refitted within their priors. This is the generalised least-squares form
-//! of the integrated (momentum) residual: no noisy rate is differentiated.
+//! Two likelihoods of the same recordings are used. A causal filter at the rate of the samples ([`whorl_prediction`]) fits the
+//! platform's own parameters within their priors, has a column for every effect, and decides which sets explain the data; laws that no
+//! effect has are looked for in it too. A linear regression over bins of a smoothed motion, whitened by a Kalman filter, proposes
+//! effects with shapes and hidden states and first values. See METHOD.md of this crate.
 
 mod bins;
 mod diagnosis;
