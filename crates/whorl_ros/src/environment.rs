@@ -11,8 +11,9 @@ use thiserror::Error;
 
 use crate::security::{self, Choice, SecurityRefusal};
 
-/// How long a node may take to be found and to answer: a participant of another system announces itself every 3 s.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// How long a node may take to be found and to answer: three announcements of a participant of another system, which announces
+/// itself every 3 s.
+const PATIENCE: Duration = Duration::from_secs(10);
 /// The same where keys are exchanged first: RustDDS announces a participant every 10 s and repeats a message of a handshake
 /// once a second, ten times; on a busy computer the first announcement may be lost.
 const PATIENCE_SECURED: Duration = Duration::from_secs(30);

@@ -50,7 +50,7 @@ pub enum RosError {
     },
     /// Nobody serves it.
     #[error(
-        "nobody was found within {seconds} s who serves {service}: does that node run, in this ROS_DOMAIN_ID?"
+        "nobody was found within {seconds:.1} s who serves {service}: does that node run, in this ROS_DOMAIN_ID?"
     )]
     NoServer {
         /// The service.
@@ -59,7 +59,7 @@ pub enum RosError {
         seconds: f64,
     },
     /// A service that is there does not answer.
-    #[error("no answer from {service} within {seconds} s")]
+    #[error("no answer from {service} within {seconds:.1} s")]
     NoAnswer {
         /// Name of the service.
         service: String,

@@ -35,6 +35,9 @@ pub enum Reason {
     Silence,
 }
 
+/// How often announcements are repeated while somebody is missing.
+pub(crate) const ANNOUNCE_PERIOD: Duration = Duration::from_millis(500);
+
 /// Time constants of the recovery.
 #[derive(Debug, Clone, Copy)]
 pub struct RecoveryTimes {
@@ -57,7 +60,7 @@ impl Default for RecoveryTimes {
         Self {
             settle: Duration::from_millis(100),
             pause: Duration::from_millis(500),
-            announce_period: Duration::from_millis(500),
+            announce_period: ANNOUNCE_PERIOD,
             give_up: Duration::from_secs(900),
             // Longer than the lease of 50 s, so that the return of a peer is dealt with first.
             silence: Duration::from_secs(75),

@@ -14,9 +14,11 @@ use whorl_msgs::cdr;
 
 use crate::clock::monotonic;
 use crate::error::RosError;
+use crate::nudge::Nudge;
 use crate::participant::{EndpointQos, Participant};
 use crate::peers::ParticipantPrefix;
 use crate::raw::{EndpointId, RawReader, RawSample, RawWriter};
+use crate::recovery::ANNOUNCE_PERIOD;
 
 /// Vendor number of Cyclone DDS, the first two bytes of its ids
 /// (<https://www.dds-foundation.org/dds-rtps-vendor-and-product-ids/>).
@@ -233,6 +235,9 @@ impl ServiceClient {
     ) -> Result<A, RosError> {
         let deadline = Instant::now() + timeout;
         let pause = Duration::from_millis(5);
+        // The first announcement may be lost on a busy computer, and RustDDS repeats it after 10 s.
+        let mut nudge = Nudge::new(participant.network(), participant.participant_number())?;
+        let mut next_nudge = Instant::now() + ANNOUNCE_PERIOD;
         let stuck = || RosError::Stuck { doing: format!("calling {}", self.name) };
         let no_answer = || RosError::NoAnswer { service: self.name.clone(), seconds: timeout.as_secs_f64() };
         while !self.server_is_there(participant) {
@@ -242,6 +247,10 @@ impl ServiceClient {
             if Instant::now() > deadline {
                 let (service, seconds) = (self.name.clone(), timeout.as_secs_f64());
                 return Err(RosError::NoServer { service, seconds });
+            }
+            if Instant::now() > next_nudge {
+                nudge.send(participant.participant_number());
+                next_nudge = Instant::now() + ANNOUNCE_PERIOD;
             }
             std::thread::sleep(pause);
         }
