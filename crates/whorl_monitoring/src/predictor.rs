@@ -125,8 +125,8 @@ fn quiet(model: &PlatformModel, supplies: &Supplies) -> PlatformModel {
     sensors.gyro.errors.range = f64::INFINITY;
     sensors.accelerometer.errors.range = f64::INFINITY;
     sensors.ambient_temperature_k = supplies.temperature_k.unwrap_or(sensors.ambient_temperature_k);
-    if let Some(pressure_pa) = supplies.pressure_pa.filter(|p| *p > 0.0) {
-        quiet.tank_mut().initial_pressure_pa = pressure_pa;
+    if let Some(pressure_pa) = supplies.pressure_pa {
+        quiet.tank_mut().fill_to(pressure_pa);
     }
     quiet.bus.initial_v = supplies.voltage_v.unwrap_or(quiet.bus.initial_v);
     for jet in quiet.jets_mut() {
@@ -287,4 +287,31 @@ impl Predictor {
 
 fn add(sum: &mut [f64; MAX_WHEELS], torque: &[f64; MAX_WHEELS], time_s: f64) {
     sum.iter_mut().zip(torque).for_each(|(sum, torque)| *sum += torque * time_s);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rate about the axis of the first jet behind a pulse of 0.1 s [rad/s].
+    fn rate_by_a_pulse_rad_s(pressure_pa: f64) -> f64 {
+        let supplies = Supplies { pressure_pa: Some(pressure_pa), ..Supplies::default() };
+        let model = PlatformModel::whorl_1_reference();
+        let mut predictor = Predictor::new(&model, &supplies, 0).unwrap();
+        let still = InitialState::default();
+        predictor.set_motion(&still.q_world_body, &Vector3::zeros(), &[0.0; MAX_WHEELS]).unwrap();
+        let at_rest = predictor.clone();
+        let after = |mut predictor: Predictor, inputs: &[(i64, Input)]| {
+            predictor.bin(&mut inputs.iter().cloned().collect(), 200_000_000).unwrap();
+            predictor.motion().0
+        };
+        (after(predictor, &[(0, Input::Pulse(0, 0.1))]) - after(at_rest, &[])).norm()
+    }
+
+    #[test]
+    fn a_tank_that_reads_less_than_nothing_is_empty() {
+        assert!(rate_by_a_pulse_rad_s(2e7) > 1e-4);
+        assert!(rate_by_a_pulse_rad_s(0.0) < 1e-9);
+        assert!(rate_by_a_pulse_rad_s(-300.0) < 1e-9);
+    }
 }

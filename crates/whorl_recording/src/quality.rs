@@ -215,8 +215,9 @@ impl Recording {
         let readings = self.sampled().filter(|(channel, ..)| channel.info().is_motion);
         let readings = readings.map(|(.., series)| series.time_s().len()).max().unwrap_or(0);
         if readings < FEW_READINGS {
+            let plural = if readings == 1 { "" } else { "s" };
             found.push(format!(
-                "The run has {readings} readings in {:.1} s: too few to tell one cause from another; record a longer one.",
+                "The run has {readings} reading{plural} in {:.1} s: too few to tell one cause from another; record a longer one.",
                 self.duration_s()
             ));
         }

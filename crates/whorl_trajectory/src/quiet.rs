@@ -18,10 +18,7 @@ pub fn quiet(model: &PlatformModel, recording: &Recording) -> PlatformModel {
     }
     let pressures = &recording.tank_pressure_pa.value;
     if let Some(first) = pressures.get(..pressures.len().min(5)).filter(|p| !p.is_empty()) {
-        let mean = first.iter().sum::<f64>() / first.len() as f64;
-        if mean > 0.0 {
-            quiet.tank_mut().initial_pressure_pa = mean;
-        }
+        quiet.tank_mut().fill_to(first.iter().sum::<f64>() / first.len() as f64);
     }
     if let Some((start, slope)) = trend(&recording.bus_voltage_v) {
         let load = quiet.bus.sag_v_n_m
@@ -43,4 +40,22 @@ fn mean_of(values: impl Iterator<Item = f64>) -> f64 {
 fn trend(series: &Series<f64>) -> Option<(f64, f64)> {
     let line = Line::through(series.time_s.iter().copied().zip(series.value.iter().copied()))?;
     Some((line.at(0.0), line.slope))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tank_that_reads_less_than_nothing_is_empty() {
+        let model = PlatformModel::whorl_1_reference();
+        let with = |readings_pa: [f64; 3]| {
+            let mut recording = Recording::default();
+            recording.tank_pressure_pa = Series { time_s: vec![0.0, 1.0, 2.0], value: readings_pa.to_vec() };
+            quiet(&model, &recording).tank().initial_gas_kg()
+        };
+        let full_kg = with([2.0e7, 2.01e7, 1.99e7]);
+        assert!((full_kg / model.tank().initial_gas_kg() - 1.0).abs() < 1e-9);
+        assert!(with([-900.0, 200.0, 100.0]) < 1e-6 * full_kg);
+    }
 }

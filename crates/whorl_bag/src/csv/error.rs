@@ -104,7 +104,7 @@ pub enum CsvError {
         previous_s: f64,
     },
     /// No line with a measurement.
-    #[error("{}: there are no measurements", path.display())]
+    #[error("{}: there are no measurements: no line of numbers", path.display())]
     Empty {
         /// The file.
         path: PathBuf,

@@ -173,7 +173,7 @@ fn errors_name_file_line_and_column() {
          map's time says which counts"
     );
     assert_eq!(error(&format!("{HEADER}{line}1,2\n")), "a.csv:3: 2 cells, but the header has 15");
-    assert_eq!(error(HEADER), "a.csv: there are no measurements");
+    assert_eq!(error(HEADER), "a.csv: there are no measurements: no line of numbers");
     assert_eq!(
         error(&format!("{HEADER},{}", &line[2..])),
         "a.csv:2: column `t`: an empty cell is not a number"

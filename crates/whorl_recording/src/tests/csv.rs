@@ -192,7 +192,7 @@ fn wrong_files_and_maps_are_refused_with_file_line_and_what_is_allowed() {
             csv.replace("\n5060,", "\n5020,"),
             "a.csv:8: column `ms`: time 5.02 s does not come after 5.05 s",
         ),
-        (MAP.to_owned(), HEADER.to_owned(), "a.csv: there are no measurements"),
+        (MAP.to_owned(), HEADER.to_owned(), "a.csv: there are no measurements: no line of numbers"),
         (
             "    time: {column: ms}\n    temperature: {column: c, unit: degC}\n".to_owned(),
             csv.clone(),

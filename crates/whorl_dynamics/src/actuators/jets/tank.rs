@@ -6,6 +6,8 @@ use super::super::{ActuatorError, Allowed, Field, kind::check_positive};
 
 /// Specific gas constant of nitrogen.
 const NITROGEN_J_KG_K: f64 = 296.8;
+/// A tank with less pressure gives no thrust: it is a hundred thousandth of the air outside.
+const EMPTY_PA: f64 = 1.0;
 /// 20 degC.
 const ROOM_K: f64 = 293.15;
 
@@ -51,6 +53,12 @@ impl Tank {
         self.initial_pressure_pa * self.volume_m3 / (self.gas_constant_j_kg_k * self.temperature_k)
     }
 
+    /// Fills it at the start of a run to the pressure that a sensor read there \[Pa\]. An empty tank reads less than nothing every
+    /// other time: that is the sensor's noise, not a reason to believe in a full one.
+    pub fn fill_to(&mut self, measured_pa: f64) {
+        self.initial_pressure_pa = measured_pa.max(0.1 * EMPTY_PA);
+    }
+
     /// Pressure of this much gas \[Pa\], isothermal.
     #[must_use]
     #[inline]
@@ -63,7 +71,7 @@ impl Tank {
     #[inline]
     pub fn thrust_factor(&self, pressure_ratio: f64) -> f64 {
         let exponent = self.thrust_pressure_exponent;
-        if pressure_ratio <= 0.0 {
+        if pressure_ratio * self.reference_pressure_pa < EMPTY_PA {
             0.0
         } else if exponent == 0.0 {
             1.0
