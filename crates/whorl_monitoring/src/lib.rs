@@ -20,6 +20,7 @@
 pub mod evidence;
 pub mod filter;
 mod fit;
+mod gas;
 pub mod lanes;
 mod monitor;
 pub mod motors;

@@ -14,6 +14,7 @@ use crate::Settings;
 use crate::evidence::{Evidence, UNKNOWN_TORQUE};
 use crate::filter::{Filter, turned};
 use crate::fit::{Fit, Likeliest, Parameter, State};
+use crate::gas::Gas;
 use crate::lanes::Lanes;
 use crate::motors::MotorNoise;
 use crate::predictor::{Input, Predictor, Supplies};
@@ -66,6 +67,7 @@ pub struct Monitor {
     inputs: VecDeque<(i64, Input)>,
     attitudes: VecDeque<(i64, UnitQuaternion<f64>, Vector3<f64>)>,
     supplies: Supplies,
+    gas: Gas,
     sources: Sources,
     wheel_torque: WheelTorque,
     valves_before: Option<Valves>,
@@ -111,6 +113,7 @@ impl Monitor {
             inputs: VecDeque::new(),
             attitudes: VecDeque::new(),
             supplies: Supplies::default(),
+            gas: Gas::default(),
             sources: Sources::new(!model.wheels().is_empty(), !model.jets().is_empty()),
             wheel_torque: WheelTorque::default(),
             valves_before: None,
@@ -214,7 +217,15 @@ impl Monitor {
                 }
                 let opened_meanwhile = open[jet] && !before.open.get(jet).copied().unwrap_or(false);
                 let start_ns = if opened_meanwhile { stamp_ns - on_ns } else { before_ns };
-                self.push(start_ns, Input::Pulse(jet, on_ns as f64 * 1e-9));
+                let on_time_s = on_ns as f64 * 1e-9;
+                if self.gas.fire(jet, on_time_s, &self.model) {
+                    if self.gas == Gas::Gone {
+                        self.supplies.pressure_pa = Some(0.0);
+                    }
+                    self.lose(Hole::Gas);
+                    break;
+                }
+                self.push(start_ns, Input::Pulse(jet, on_time_s));
             }
         }
         self.predict();
@@ -236,9 +247,13 @@ impl Monitor {
 
     /// Supplies as measured; those that are `None` stay as they were.
     pub fn on_supplies(&mut self, new: &Supplies) {
+        let pressure_pa = new.pressure_pa.map(|measured_pa| self.gas.hear(measured_pa, &self.model));
+        if let Some((pressure_pa, predictor)) = pressure_pa.zip(self.predictor.as_mut()) {
+            predictor.hear_pressure(pressure_pa);
+        }
         let old = self.supplies;
         self.supplies = Supplies {
-            pressure_pa: new.pressure_pa.or(old.pressure_pa),
+            pressure_pa: pressure_pa.or(old.pressure_pa),
             voltage_v: new.voltage_v.or(old.voltage_v),
             temperature_k: new.temperature_k.or(old.temperature_k),
         };

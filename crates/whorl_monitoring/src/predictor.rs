@@ -6,6 +6,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::gyrostat::{MAX_JETS, MAX_WHEELS};
 use whorl_dynamics::{Environment, InitialState, Plant, PlantError, PlatformModel};
 
+use crate::gas;
+
 /// Largest integration step \[ns\]; valve edges are integration points.
 const STEP_NS: i64 = 10_000_000;
 
@@ -125,9 +127,6 @@ fn quiet(model: &PlatformModel, supplies: &Supplies) -> PlatformModel {
     sensors.gyro.errors.range = f64::INFINITY;
     sensors.accelerometer.errors.range = f64::INFINITY;
     sensors.ambient_temperature_k = supplies.temperature_k.unwrap_or(sensors.ambient_temperature_k);
-    if let Some(pressure_pa) = supplies.pressure_pa {
-        quiet.tank_mut().fill_to(pressure_pa);
-    }
     quiet.bus.initial_v = supplies.voltage_v.unwrap_or(quiet.bus.initial_v);
     for jet in quiet.jets_mut() {
         jet.min_on_time_s = 0.0;
@@ -142,8 +141,9 @@ impl Predictor {
     /// When the platform cannot be simulated.
     pub fn new(model: &PlatformModel, supplies: &Supplies, now_ns: i64) -> Result<Self, PlantError> {
         let start = InitialState { time_ns: now_ns, ..InitialState::default() };
-        let plant =
+        let mut plant =
             Plant::new(&quiet(model, supplies), &start, 0)?.with_step_ns(STEP_NS).without_random_torque();
+        supplies.pressure_pa.into_iter().for_each(|measured_pa| plant.set_tank_pressure(measured_pa));
         Ok(Self { plant, wheels: model.wheels().len(), valve_open_s: vec![0.0; model.jets().len()] })
     }
 
@@ -172,6 +172,14 @@ impl Predictor {
     ) -> Result<(), PlantError> {
         let speeds = wheel_speed_rad_s.get(..self.wheels).unwrap_or(&[]);
         self.plant.set_motion(q_world_body, omega_b_rad_s, speeds)
+    }
+
+    /// Keeps the gas at what a sensor reads of it \[Pa\]: small errors of what jets use add up.
+    pub fn hear_pressure(&mut self, measured_pa: f64) {
+        let expected_pa = self.plant.environment().tank_pressure_pa;
+        if !gas::is_explained(measured_pa, expected_pa, self.plant.gyrostat().model()) {
+            self.plant.set_tank_pressure(measured_pa);
+        }
     }
 
     /// Predicts up to `end_ns`, taking the inputs until then off the queue.
@@ -313,5 +321,26 @@ mod tests {
         assert!(rate_by_a_pulse_rad_s(2e7) > 1e-4);
         assert!(rate_by_a_pulse_rad_s(0.0) < 1e-9);
         assert!(rate_by_a_pulse_rad_s(-300.0) < 1e-9);
+    }
+
+    #[test]
+    fn the_gas_is_what_the_sensor_reads_where_its_noise_does_not_explain_the_difference() {
+        let model = PlatformModel::whorl_1_reference();
+        let noise_pa = model.sensors.tank_pressure.stddev();
+        assert!(noise_pa > 0.0);
+        let supplies = Supplies { pressure_pa: Some(2e7), ..Supplies::default() };
+        let heard = |measured_pa: f64| {
+            let mut predictor = Predictor::new(&model, &supplies, 0).unwrap();
+            predictor.hear_pressure(measured_pa);
+            predictor.plant.environment().tank_pressure_pa
+        };
+        for (measured_pa, expected_pa) in [
+            (2e7 - 2.0 * noise_pa, 2e7),
+            (2e7 - 4.0 * noise_pa, 2e7 - 4.0 * noise_pa),
+            (1e7, 1e7),
+            (-noise_pa, 0.0),
+        ] {
+            assert!((heard(measured_pa) - expected_pa).abs() < 1.0, "{measured_pa} {}", heard(measured_pa));
+        }
     }
 }

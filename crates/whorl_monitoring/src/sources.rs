@@ -64,6 +64,8 @@ pub enum Hole {
     Late,
     /// More data wait than are kept.
     TooMany,
+    /// Jets are open, and nobody knows whether there is gas.
+    Gas,
 }
 
 impl fmt::Display for Hole {
@@ -75,6 +77,7 @@ impl fmt::Display for Hole {
             Self::Contradiction(source) => write!(f, "{} contradict each other", source.name()),
             Self::Late => f.write_str("data came too late"),
             Self::TooMany => f.write_str("data came faster than they could be compared"),
+            Self::Gas => f.write_str("the tank is nearly empty, and jets may push or not"),
         }
     }
 }

@@ -13,6 +13,12 @@ impl ScalarSensor {
     pub fn reading(&self, truth: f64, standard_normal: f64) -> f64 {
         quantised(truth + self.noise_stddev * standard_normal, self.quantum)
     }
+
+    /// Standard deviation of a reading about the truth, in its own unit: noise, and rounding to steps.
+    #[must_use]
+    pub fn stddev(&self) -> f64 {
+        self.noise_stddev.hypot(self.quantum / 12f64.sqrt())
+    }
 }
 
 impl WheelSpeedSensor {

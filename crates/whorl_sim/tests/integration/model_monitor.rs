@@ -383,3 +383,25 @@ fn holding_still_is_no_evidence() {
         }
     }
 }
+
+/// Tanks that run empty: a sensor then reads less than nothing every other time, and a model whose jets use a little more or less gas
+/// than the platform's is a minute late. What jets that have no gas do not do is nobody's fault.
+#[test]
+fn an_empty_tank_accuses_nobody() {
+    // After two minutes of ten; after 37 minutes of an hour.
+    let mut runs: Vec<(u64, f64, f64)> = vec![(2, 600.0, 1.0e6)];
+    if std::env::var_os("WHORL_SLOW_TESTS").is_some() {
+        runs.extend((3..6).map(|seed| (seed, 600.0, 1.0e6)));
+        runs.extend((1..4).map(|seed| (seed, 3600.0, 2.0e7)));
+    }
+    for (seed, hold_s, pressure_pa) in runs {
+        let hold = format!("/coordinator:steps.hold.duration_s:={hold_s:.1}");
+        let tank = format!("/**:model.tank.initial_pressure_pa:={pressure_pa:.1}");
+        let watch = simulate("hold", seed, hold_s + 100.0, &[&hold, &tank]);
+        for platform in [0, 1] {
+            let mismatch = watch.first_mismatch(platform).map(|(at_s, fit)| (at_s, fit.in_words()));
+            println!("seed {seed}, platform {platform}: {mismatch:?}, watched {} s", watch.watched_s());
+            assert!(mismatch.is_none(), "seed {seed}, platform {platform}: {mismatch:?}");
+        }
+    }
+}

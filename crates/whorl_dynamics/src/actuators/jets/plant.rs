@@ -116,6 +116,11 @@ impl Plant {
         self.drive.actuators.jets.valves.driven_ns(jet, self.now_ns)
     }
 
+    /// Puts as much gas into the tank as this pressure means \[Pa\]: what was measured. Below nothing it is empty.
+    pub fn set_tank_pressure(&mut self, pressure_pa: f64) {
+        self.state.actuators.jets.gas_kg = self.gyrostat.model().tank().gas_kg(pressure_pa.max(0.0));
+    }
+
     /// Reads the tank pressure now \[Pa\].
     pub fn sample_tank_pressure_pa(&mut self) -> f64 {
         let truth = self.gyrostat.pressure_pa(self.state.gas_kg());

@@ -50,7 +50,13 @@ impl Tank {
     /// Gas in the full tank \[kg\].
     #[must_use]
     pub fn initial_gas_kg(&self) -> f64 {
-        self.initial_pressure_pa * self.volume_m3 / (self.gas_constant_j_kg_k * self.temperature_k)
+        self.gas_kg(self.initial_pressure_pa)
+    }
+
+    /// Gas at this pressure \[kg\], isothermal.
+    #[must_use]
+    pub fn gas_kg(&self, pressure_pa: f64) -> f64 {
+        pressure_pa * self.volume_m3 / (self.gas_constant_j_kg_k * self.temperature_k)
     }
 
     /// Fills it at the start of a run to the pressure that a sensor read there \[Pa\]. An empty tank reads less than nothing every
