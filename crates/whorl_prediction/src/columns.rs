@@ -13,6 +13,7 @@ use crate::error::PredictionError;
 use crate::heading::UnseenHeading;
 use crate::information::Information;
 use crate::laws::{Laws, Push};
+use crate::layout::Layout;
 use crate::other::{Differs, Does, Other, Varied};
 use crate::prepared::{OtherModel, Prepared};
 use crate::rows::{Row, Taken};
@@ -41,6 +42,9 @@ pub(crate) struct Columns<'a> {
     of_state: DMatrix<f64>,
     /// Of the estimate of the start, the same way.
     of_start: DMatrix<f64>,
+    /// What is added over half of a step, and the moving part of `of_state` behind it: made at every step in the same place.
+    half: DMatrix<f64>,
+    behind: DMatrix<f64>,
     /// Sum of d d^T / S over all innovations e with d = de/dtheta: the information on the parameters.
     information: Information,
     /// Sum of d e / S.
@@ -57,10 +61,11 @@ impl<'a> Columns<'a> {
     /// For a filter that has not begun.
     pub fn new(
         case: &Prepared<'a>,
-        size: usize,
+        layout: Layout,
         varied: &[Varied],
         laws: Option<&'a Laws<'a>>,
     ) -> Result<Self, PredictionError> {
+        let (size, moving) = (layout.size(), layout.moving());
         let n = varied.len() + laws.map_or(0, Laws::count);
         let others: Vec<Other<'a>> =
             varied.iter().map(|varied| Other::new(case, varied)).collect::<Result<_, _>>()?;
@@ -75,6 +80,8 @@ impl<'a> Columns<'a> {
             acts: None,
             of_state: DMatrix::zeros(n, size),
             of_start: DMatrix::zeros(n, size),
+            half: DMatrix::zeros(n, case.plant().tangent().size()),
+            behind: DMatrix::zeros(n, moving),
             information: Information::new(varied.len(), n - varied.len(), laws.map_or(0, Laws::apart)),
             slope: DVector::zeros(n),
             rates: DVector::zeros(case.plant().tangent().size()),
@@ -124,7 +131,8 @@ impl<'a> Columns<'a> {
                 }
                 other.with.take_motion_of(plant, &[], instant_ns);
                 if other.with.is_steady_until(case, end_ns) && other.with.plant.holds_wheels_of(plant) {
-                    other.does = Does::Act(other.with.plant.acts());
+                    other.with.plant.act_into(&mut other.acts);
+                    other.does = Does::Act;
                     continue;
                 }
             }
@@ -150,19 +158,19 @@ impl<'a> Columns<'a> {
         }
         let reference = &self.reference.plant;
         // Half of what a model does goes through the whole step: s <- F (s + h/2 r) + h/2 r.
-        let mut half = DMatrix::zeros(self.count(), n);
+        self.half.fill(0.0);
         for (k, push) in self.pushes.iter().enumerate() {
             let rates = push.rates(plant, linearised);
-            half.row_mut(self.others.len() + k).tr_copy_from(&(rates * (0.5 * step_s)));
+            self.half.row_mut(self.others.len() + k).tr_copy_from(&(rates * (0.5 * step_s)));
         }
-        for (other, mut row) in self.others.iter_mut().zip(half.row_iter_mut()) {
+        for (other, mut row) in self.others.iter_mut().zip(self.half.row_iter_mut()) {
             let Some(of_reference) = &self.acts else { break };
-            match &other.does {
-                Does::Act(acts) => {
+            match other.does {
+                Does::Act => {
                     let share = 0.5 * step_s / other.step;
-                    let pairs = acts.rates.iter().zip(&of_reference.rates);
+                    let pairs = other.acts.rates.iter().zip(&of_reference.rates);
                     row.iter_mut().zip(pairs).for_each(|(slot, (own, of))| *slot = share * (own - of));
-                    other.with.plant.wait_until(plant.now_ns(), acts);
+                    other.with.plant.wait_until(plant.now_ns(), &other.acts);
                 }
                 Does::TheSame if other.differs == Differs::InJets => {
                     other.with.plant.wait_until(plant.now_ns(), of_reference);
@@ -171,9 +179,7 @@ impl<'a> Columns<'a> {
             }
         }
         let mut stepped = Vec::new();
-        for (k, other) in
-            self.others.iter_mut().enumerate().filter(|(_, other)| matches!(other.does, Does::Step))
-        {
+        for (k, other) in self.others.iter_mut().enumerate().filter(|(_, other)| other.does == Does::Step) {
             if !other.with.run_to(case, plant.now_ns()) {
                 return false;
             }
@@ -194,16 +200,15 @@ impl<'a> Columns<'a> {
             heading.out_of_change(&mut moved, plant);
             stepped.push((k, moved));
         }
-        let mut moving = self.of_state.columns(0, m).into_owned();
-        let mut from_now = moving.columns_mut(0, n);
-        from_now += &half;
-        let mut behind = DMatrix::zeros(self.count(), m);
-        behind.columns_mut(0, n).copy_from(&half);
-        add_product_transposed(&mut behind, &moving, transition);
+        let mut from_now = self.of_state.columns_mut(0, n);
+        from_now += &self.half;
+        self.behind.columns_mut(0, n).copy_from(&self.half);
+        self.behind.columns_mut(n, m - n).fill(0.0);
+        add_product_transposed(&mut self.behind, &self.of_state, transition);
         for (k, moved) in stepped {
-            behind.row_mut(k).tr_copy_from(&moved);
+            self.behind.row_mut(k).tr_copy_from(&moved);
         }
-        self.of_state.columns_mut(0, m).copy_from(&behind);
+        self.of_state.columns_mut(0, m).copy_from(&self.behind);
         if let Some(before) = &self.before {
             let step_s = (plant.now_ns() - before.now_ns()) as f64 * 1e-9;
             self.rates = plant.motion_less(before) / step_s;
@@ -249,9 +254,9 @@ impl<'a> Columns<'a> {
             let moves = |row: &Row, late_s: f64| {
                 if late_s == 0.0 { 0.0 } else { row.by_state.rows(0, n).dot(&self.rates) * late_s }
             };
-            let reads_later = match (&other.does, &self.acts, &now) {
+            let reads_later = match (other.does, &self.acts, &now) {
                 _ if other.turns_vectors => None,
-                (Does::Act(acts), Some(of_reference), _) => Some(of_reference.imu - acts.imu),
+                (Does::Act, Some(of_reference), _) => Some(of_reference.imu - other.acts.imu),
                 (Does::TheSame, _, Some(now)) if other.differs == Differs::InReadings => {
                     Some(now.imu - other.with.plant.imu_of(&self.reference.plant, now))
                 }

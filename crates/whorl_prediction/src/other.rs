@@ -29,8 +29,10 @@ pub(crate) struct Other<'a> {
     pub differs: Differs,
     /// Its vector sensors are others.
     pub turns_vectors: bool,
-    /// What it does over the present step.
+    /// What it does over the present step,
     pub does: Does,
+    /// and how, where that shows in the filter's state: at every step in the same place.
+    pub acts: Acts,
 }
 
 /// In what a varied model differs from the filter's.
@@ -47,16 +49,12 @@ pub(crate) enum Differs {
 }
 
 /// What a varied model does over a step.
-#[derive(Clone)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "made anew at every step: a box costs an allocation, and few are small"
-)]
+#[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Does {
     /// What shows only when it has made the step.
     Step,
     /// What it does in the filter's state, until the end.
-    Act(Acts),
+    Act,
     /// The same as the filter's model.
     TheSame,
 }
@@ -80,7 +78,8 @@ impl<'a> Other<'a> {
             } else {
                 Differs::of(own, of_case)
             };
-        Ok(Self { with, step: varied.step, late_s, behind, differs, turns_vectors, does: Does::Step })
+        let acts = Acts::none(&with.plant);
+        Ok(Self { with, step: varied.step, late_s, behind, differs, turns_vectors, does: Does::Step, acts })
     }
 
     /// As [`OtherModel::take_motion_of`].

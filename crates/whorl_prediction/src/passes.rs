@@ -86,7 +86,7 @@ pub(crate) fn pass(
     laws: Option<&Laws<'_>>,
     keeps: bool,
 ) -> Result<Pass, PredictionError> {
-    let columns = Columns::new(case, start.layout.size(), varied, laws)?;
+    let columns = Columns::new(case, start.layout, varied, laws)?;
     let parameters = columns.count();
     let design = if keeps { Design::new(parameters, case.numbers()) } else { None };
     let mut filter = Filter::new(case, noise, start)

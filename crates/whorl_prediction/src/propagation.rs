@@ -97,12 +97,10 @@ impl Filter<'_> {
 
     /// Of these derivatives, with the white noise that drives what moves.
     fn step_of(&self, motion: &DMatrix<f64>, step_s: f64) -> Step {
-        let of_model = added(motion, self.noise_roots(false), step_s);
-        let transition = transition(motion, step_s);
-        if self.layout.moving() == self.layout.plant.size() {
-            return Step { transition, noise: of_model.clone(), of_model };
-        }
-        Step { noise: added(motion, self.noise_roots(true), step_s), transition, of_model }
+        let noise = added(motion, &self.noise_roots(true), step_s);
+        // Of predictions ahead alone.
+        let of_model = self.claims.as_ref().and_then(|_| added(motion, &self.noise_roots(false), step_s));
+        Step { transition: transition(motion, step_s), noise, of_model }
     }
 
     /// White noise that drives what moves, a column each [unit per root of a second].

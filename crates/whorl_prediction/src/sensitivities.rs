@@ -21,7 +21,7 @@ pub fn sensitivities(
     varied: &[Varied],
     told: &mut dyn FnMut(&Innovation, &DVector<f64>),
 ) -> Result<(), PredictionError> {
-    let columns = Columns::new(case, start.layout.size(), varied, None)?;
+    let columns = Columns::new(case, start.layout, varied, None)?;
     let mut filter = Filter::new(case, noise, start).varying(columns);
     let mut innovations = Vec::new();
     while filter.step(&mut |innovation| innovations.push(*innovation)) {

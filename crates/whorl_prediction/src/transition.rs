@@ -9,14 +9,6 @@ const MOST_TERMS: usize = 30;
 /// Products with which the fastest rate is found: its error then is some per cent.
 const PRODUCTS: usize = 6;
 
-/// Abscissae and weights of Gauss and Legendre on -1 to 1 (Abramowitz and Stegun, *Handbook of Mathematical Functions*, table 25.4).
-const GAUSS: [(f64, f64); 4] = [
-    (-0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
-    (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
-    (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
-    (0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
-];
-
 /// What a step does to errors.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Step {
@@ -33,50 +25,54 @@ pub(crate) struct Step {
 ///
 /// ```text
 /// Q = integral from 0 to h of exp(A s) G G^T exp(A s)^T ds
+///   = h D + h^2/2 L D + h^3/6 L (L D) + ...,    D = G G^T,    L X = A X + X A^T
 /// ```
-///
-/// by Gauss and Legendre's rule of four points, exact to the seventh power of A h, which is small.
-pub(crate) fn added(a: &DMatrix<f64>, root: DMatrix<f64>, h_s: f64) -> Option<DMatrix<f64>> {
+pub(crate) fn added(a: &DMatrix<f64>, root: &DMatrix<f64>, h_s: f64) -> Option<DMatrix<f64>> {
     if root.ncols() == 0 {
         return None;
     }
-    // At all points together: the k-th term of each is that at the end times its share of the step to the k-th power.
-    let shares = GAUSS.map(|(point, _)| 0.5 * (1.0 + point));
-    let mut moved = GAUSS.map(|_| root.clone());
-    let mut powers = [1.0; GAUSS.len()];
-    terms(a, root, h_s, |term| {
-        for ((moved, share), power) in moved.iter_mut().zip(shares).zip(&mut powers) {
-            *power *= share;
-            moved.zip_apply(term, |x, term| *x += *power * term);
+    let n = a.nrows();
+    let mut term = DMatrix::zeros(n, n);
+    add_product_transposed(&mut term, root, root);
+    term *= h_s;
+    let (mut sum, mut next) = (term.clone(), DMatrix::zeros(n, n));
+    let least = SMALLEST_TERM * sum.amax();
+    for k in 2..=MOST_TERMS {
+        next.fill(0.0);
+        add_product_transposed(&mut next, &term, a);
+        let factor = h_s / k as f64;
+        for i in 0..n {
+            for j in 0..=i {
+                let both = factor * (next[(i, j)] + next[(j, i)]);
+                term[(i, j)] = both;
+                term[(j, i)] = both;
+            }
         }
-    });
-    let mut noise = DMatrix::zeros(a.nrows(), a.nrows());
-    for (moved, (_, weight)) in moved.iter().zip(GAUSS) {
-        noise.gemm(0.5 * weight * h_s, moved, &moved.transpose(), 1.0);
-    }
-    Some(noise)
-}
-
-/// exp(A h) of an n x n matrix [1/s] over `h_s`, by its series.
-pub(crate) fn transition(a: &DMatrix<f64>, h_s: f64) -> DMatrix<f64> {
-    let one = DMatrix::identity(a.nrows(), a.nrows());
-    let mut sum = one.clone();
-    terms(a, one, h_s, |term| sum += term);
-    sum
-}
-
-/// The terms (A h)^k X / k! of exp(A h) X behind the first.
-fn terms(a: &DMatrix<f64>, x: DMatrix<f64>, h_s: f64, mut told: impl FnMut(&DMatrix<f64>)) {
-    let least = SMALLEST_TERM * x.amax();
-    let (mut term, mut next) = (x.clone(), x);
-    for k in 1..=MOST_TERMS {
-        next.gemm(h_s / k as f64, a, &term, 0.0);
-        std::mem::swap(&mut term, &mut next);
-        told(&term);
+        sum += &term;
         if term.amax() < least {
             break;
         }
     }
+    Some(sum)
+}
+
+/// exp(A h) of an n x n matrix [1/s] over `h_s`, by its series.
+pub(crate) fn transition(a: &DMatrix<f64>, h_s: f64) -> DMatrix<f64> {
+    let n = a.nrows();
+    // Transposed: (A X)^T = X^T A^T.
+    let mut sum = DMatrix::identity(n, n);
+    let (mut term, mut next) = (sum.clone(), DMatrix::zeros(n, n));
+    for k in 1..=MOST_TERMS {
+        next.fill(0.0);
+        add_product_transposed(&mut next, &term, a);
+        next *= h_s / k as f64;
+        std::mem::swap(&mut term, &mut next);
+        sum += &term;
+        if term.amax() < SMALLEST_TERM {
+            break;
+        }
+    }
+    sum.transpose()
 }
 
 /// The largest size of an eigenvalue, roughly, by powers: whatever the units of the coordinates [1/s].

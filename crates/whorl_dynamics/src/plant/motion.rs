@@ -2,6 +2,7 @@
 
 use nalgebra::{DVector, SVector, Vector3};
 
+use super::tangent::Seen;
 use super::{Plant, RATE, ROTATION};
 use crate::gyrostat::Derivative;
 
@@ -13,6 +14,15 @@ pub struct Acts {
     /// What gyro [rad/s] and accelerometer [m/s^2] read without noise, sensor axes.
     pub imu: SVector<f64, 6>,
     derivative: Derivative,
+}
+
+impl Acts {
+    /// Of a plant that does nothing, with room for what one does.
+    #[must_use]
+    pub fn none(plant: &Plant) -> Self {
+        let rates = DVector::zeros(plant.tangent().size());
+        Self { rates, imu: SVector::zeros(), derivative: Derivative::zero() }
+    }
 }
 
 impl Plant {
@@ -40,18 +50,24 @@ impl Plant {
 
     /// How it moves and what it reads now, under its present commands; valves whose time has come open and close first.
     pub fn acts(&mut self) -> Acts {
+        let mut acts = Acts::none(self);
+        self.act_into(&mut acts);
+        acts
+    }
+
+    /// The same into what another call has left: rates of so many coordinates.
+    pub fn act_into(&mut self, acts: &mut Acts) {
         let actuators = &self.gyrostat.model().actuators;
         if actuators.next_event_ns(&self.drive.actuators) <= self.now_ns {
             actuators.settle(&mut self.drive.actuators, self.now_ns);
         }
-        let seen = self.seen(&self.state, &self.drive);
+        let Seen { derivative, imu } = self.seen(&self.state, &self.drive);
         let tangent = self.tangent();
-        let mut rates = DVector::zeros(tangent.size());
-        rates.fixed_rows_mut::<3>(RATE.start).copy_from(&seen.derivative.omega);
-        let wheels = tangent.wheels().zip(seen.derivative.actuators.wheels.speed_rad_s);
-        let hidden = tangent.hidden().zip(seen.derivative.hidden);
-        wheels.chain(hidden).for_each(|(i, rate)| rates[i] = rate);
-        Acts { rates, imu: seen.imu, derivative: seen.derivative }
+        acts.rates.fixed_rows_mut::<3>(RATE.start).copy_from(&derivative.omega);
+        let wheels = tangent.wheels().zip(derivative.actuators.wheels.speed_rad_s);
+        let hidden = tangent.hidden().zip(derivative.hidden);
+        wheels.chain(hidden).for_each(|(i, rate)| acts.rates[i] = rate);
+        (acts.imu, acts.derivative) = (imu, derivative);
     }
 
     /// What its sensors would read of another plant that acts so now.
