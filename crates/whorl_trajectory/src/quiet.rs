@@ -50,8 +50,8 @@ mod tests {
     fn a_tank_that_reads_less_than_nothing_is_empty() {
         let model = PlatformModel::whorl_1_reference();
         let with = |readings_pa: [f64; 3]| {
-            let mut recording = Recording::default();
-            recording.tank_pressure_pa = Series { time_s: vec![0.0, 1.0, 2.0], value: readings_pa.to_vec() };
+            let tank_pressure_pa = Series { time_s: vec![0.0, 1.0, 2.0], value: readings_pa.to_vec() };
+            let recording = Recording { tank_pressure_pa, ..Recording::default() };
             quiet(&model, &recording).tank().initial_gas_kg()
         };
         let full_kg = with([2.0e7, 2.01e7, 1.99e7]);
