@@ -51,7 +51,7 @@ pub struct Candidate {
     pub delta_log_evidence: f64,
     /// Log likelihood gained on data that did not take part in its fit; > 0 = predicts better.
     pub held_out_gain: f64,
-    /// Share of the excess misfit that it explains alone.
+    /// Of the drop of the misfit that the answer brings, and of what it leaves above the noise, the share that this effect alone brings.
     pub share_of_excess: f64,
     /// Share of its signal that is absorbed by refitting the base parameters.
     pub swallowed_by_base: f64,

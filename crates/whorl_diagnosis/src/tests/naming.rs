@@ -32,6 +32,8 @@ fn a_friction_is_named_with_its_size() {
     let parameter = &diagnosis.candidates[0].parameters[0];
     assert!((parameter.estimate - 0.05).abs() < 4.0 * parameter.stddev, "{parameter:?}");
     assert!(parameter.stddev < 0.005);
+    // It is all that is missing.
+    assert!(diagnosis.candidates[0].share_of_excess > 0.9, "{}", diagnosis.candidates[0].share_of_excess);
     let json = serde_json::to_value(&diagnosis).unwrap();
     assert_eq!(json["schema"], 2);
     assert_eq!(json["verdict"], "named");

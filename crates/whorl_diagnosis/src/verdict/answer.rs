@@ -67,10 +67,9 @@ impl Search<'_> {
         } else {
             1.0
         };
-        let excess = (self.data.total.sum_of_squares - self.base.estimate.drop - rows)
-            .max(chance)
-            .max(self.advantage(&self.best, &self.base).1)
-            .max(drop);
+        // What the best set brings, in the same measure as this row, each with the noise that it leaves; and what it leaves.
+        let left = (self.data.total.sum_of_squares - self.best.estimate.drop - rows).max(0.0);
+        let excess = (self.advantage(&self.best, &self.base).1 + left).max(chance).max(drop);
         Some(Candidate {
             effect: candidate.id.to_owned(),
             delta_log_evidence: evidence,
