@@ -24,6 +24,8 @@ use crate::recovery::ANNOUNCE_PERIOD;
 /// (<https://www.dds-foundation.org/dds-rtps-vendor-and-product-ids/>).
 const CYCLONE: [u8; 2] = [0x01, 0x10];
 const CYCLONE_HEADER_BYTES: usize = 16;
+/// Between two looks for a server or an answer.
+const PAUSE: Duration = Duration::from_millis(5);
 
 /// Identifies a request, so that the answer finds its way back.
 #[derive(Debug, Clone, Copy)]
@@ -234,30 +236,14 @@ impl ServiceClient {
         timeout: Duration,
     ) -> Result<A, RosError> {
         let deadline = Instant::now() + timeout;
-        let pause = Duration::from_millis(5);
-        // The first announcement may be lost on a busy computer, and RustDDS repeats it after 10 s.
-        let mut nudge = Nudge::new(participant.network(), participant.participant_number())?;
-        let mut next_nudge = Instant::now() + ANNOUNCE_PERIOD;
-        let stuck = || RosError::Stuck { doing: format!("calling {}", self.name) };
-        let no_answer = || RosError::NoAnswer { service: self.name.clone(), seconds: timeout.as_secs_f64() };
-        while !self.server_is_there(participant) {
-            if participant.is_stuck() {
-                return Err(stuck());
-            }
-            if Instant::now() > deadline {
-                let (service, seconds) = (self.name.clone(), timeout.as_secs_f64());
-                return Err(RosError::NoServer { service, seconds });
-            }
-            if Instant::now() > next_nudge {
-                nudge.send(participant.participant_number());
-                next_nudge = Instant::now() + ANNOUNCE_PERIOD;
-            }
-            std::thread::sleep(pause);
+        if !self.server_is_there(participant) {
+            self.look_for_server(participant, deadline, timeout)?;
         }
         // The server may discover us a moment later than we discover it; requests sent before are lost.
         std::thread::sleep(Duration::from_millis(50));
         let bytes = cdr::encode("service request", request)?;
         let identity = self.requests.write(&bytes, None)?;
+        let no_answer = || RosError::NoAnswer { service: self.name.clone(), seconds: timeout.as_secs_f64() };
         loop {
             self.responses.drain_notifications();
             while let Some(sample) = self.responses.take()? {
@@ -268,8 +254,35 @@ impl ServiceClient {
             if Instant::now() > deadline {
                 return Err(no_answer());
             }
-            std::thread::sleep(pause);
+            std::thread::sleep(PAUSE);
         }
+    }
+
+    /// Waits for the server. The first announcement may be lost on a busy computer, and RustDDS repeats it after 10 s: so all announce
+    /// themselves again and again.
+    fn look_for_server(
+        &self,
+        participant: &Participant,
+        deadline: Instant,
+        timeout: Duration,
+    ) -> Result<(), RosError> {
+        let mut nudge = Nudge::new(participant.network(), participant.participant_number())?;
+        let mut next_nudge = Instant::now() + ANNOUNCE_PERIOD;
+        while !self.server_is_there(participant) {
+            if participant.is_stuck() {
+                return Err(RosError::Stuck { doing: format!("calling {}", self.name) });
+            }
+            if Instant::now() > deadline {
+                let (service, seconds) = (self.name.clone(), timeout.as_secs_f64());
+                return Err(RosError::NoServer { service, seconds });
+            }
+            if Instant::now() > next_nudge {
+                nudge.send(participant.participant_number());
+                next_nudge = Instant::now() + ANNOUNCE_PERIOD;
+            }
+            std::thread::sleep(PAUSE);
+        }
+        Ok(())
     }
 }
 
