@@ -66,8 +66,6 @@ impl ManoeuvreDemand {
             .map(|(pulses, jet)| pulses.iter().map(|p| p.off_s - p.on_s).sum::<f64>() * jet.thrust_n)
             .sum();
         let tank = model.tank();
-        let full_kg =
-            tank.initial_pressure_pa * tank.volume_m3 / (tank.gas_constant_j_kg_k * tank.temperature_k);
         Self {
             duration_s: recording.duration_s(),
             tilt_deg: tilt.to_degrees(),
@@ -75,7 +73,8 @@ impl ManoeuvreDemand {
             rate_deg_s: rates.map(|w| w.norm()).fold(0.0, f64::max).to_degrees(),
             wheel_speed_share: shares.fold(0.0, f64::max),
             saturated_share: at_limit as f64 / commands.len().max(1) as f64,
-            gas_share: open_n_s / (tank.specific_impulse_s * 9.806_65) / full_kg.max(1e-9) + 0.0,
+            // As a thrust's rate of gas, so an impulse's gas.
+            gas_share: tank.gas_rate_kg_s(open_n_s) / tank.initial_gas_kg().max(1e-9) + 0.0,
         }
     }
 

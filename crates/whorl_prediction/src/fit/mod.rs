@@ -59,7 +59,8 @@ pub fn fit(
     fit_beside(recordings, parameters, model_at, starts, Rival::NONE, settings)
 }
 
-/// The same of a model that competes with another one: with its levels and starts it begins, and it is given up where twice the\n/// predicted gain of a step does not bring it to what it needs; [`Fitted::stands`] then is false.
+/// The same of a model that competes with another one: with its levels and starts it begins, and it is given up where twice the
+/// predicted gain of a step does not bring it to what it needs; [`Fitted::stands`] then is false.
 ///
 /// # Errors
 /// As [`fit`].
