@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use nalgebra::Vector3;
 use serde_json::json;
-use whorl_devices::checkout::{Finding, Part, Trial, judge};
+use whorl_devices::checkout::{Finding, Part, Trial};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_launch::{Backend, DriverSource, Programs, Setup, Supervisor};
 use whorl_msgs::sensor_msgs::Imu;
@@ -26,7 +26,7 @@ use crate::subscription::Subscription;
 
 mod trial;
 
-use trial::{Checked, Mean, Since, Tried, damping};
+use trial::{Attempts, Checked, Mean, Since, Tried, damping};
 
 /// Torque of a wheel, as a share of what it can do, and for how long.
 const WHEEL_SHARE: f64 = 0.6;
@@ -51,10 +51,6 @@ const STARTUP: Duration = Duration::from_secs(20);
 /// not believed.
 const SHORTEST: f64 = 0.5;
 const LONGEST: f64 = 4.0;
-/// A part that seems wrong, or whose size is not known, is tried so often in all.
-const ATTEMPTS: usize = 6;
-/// A size that is known to this standard deviation is known: half of what priors usually leave open, so that these decide.
-const SURE: f64 = 0.03;
 /// Samples that are so many times as far apart as usual were read late.
 const GAP: f64 = 3.0;
 /// Samples may come so late.
@@ -390,9 +386,7 @@ impl<'a> Bench<'a> {
             let (name, is_right) = (part.name(model), finding.is_right());
             let mut said = finding.words(part, model);
             if !settled {
-                said += &format!(
-                    "; not sure: {ATTEMPTS} attempts disagree, or samples came late; try again with less to do for this computer"
-                );
+                said += "; not sure: attempts disagree, or samples came late; try again with less to do for this computer";
             }
             let line = format!("{name:10} {said}");
             if is_right {
@@ -416,8 +410,7 @@ impl<'a> Bench<'a> {
         Ok(checked)
     }
 
-    /// What is found of a part, and whether that is sure: that its size is known from the mean of attempts, or two find the same
-    /// wrong, as a busy computer, or somebody who touches the platform, spoils one.
+    /// What is found of a part, and whether that is sure.
     fn find(
         &mut self,
         part: Part,
@@ -426,32 +419,15 @@ impl<'a> Bench<'a> {
         answers: &[f64],
         (model, prior): (&PlatformModel, &ModelPrior),
     ) -> anyhow::Result<(Finding, bool)> {
-        let (mut found, mut alike): (Vec<Finding>, Vec<Trial>) = (Vec::new(), Vec::new());
-        let mut attempt = 0;
+        let (mut attempts, mut command) = (Attempts::default(), command);
         loop {
-            attempt += 1;
-            // To and fro, so that attempts do not carry the platform to its stop.
-            let command = if attempt % 2 == 1 { command } else { -command };
-            let Tried { trial, is_good } = self.try_once(part, command, length_s, model)?;
-            let alone = judge(model, prior, &trial).context("the model has this part")?;
+            let tried = self.try_once(part, command, length_s, model)?;
             self.bring_back(part, command, answers, model)?;
-            if is_good && let Some(of_one) = alone.size() {
-                // In the right direction: its size is the mean of all that were.
-                alike.push(trial);
-                let mean = Trial::mean(&alike).context("one at least")?;
-                let finding = judge(model, prior, &mean).context("the model has this part")?;
-                let known = finding.size().is_some_and(|size| size.stddev <= SURE);
-                if known && (finding.is_right() || alike.len() > 1) || attempt == ATTEMPTS {
-                    return Ok((finding, alike.len() > 1 || of_one.stddev <= SURE));
-                }
-                continue;
+            if let Some(found) = attempts.add(tried, model, prior)? {
+                return Ok(found);
             }
-            let same = |other: &Finding| std::mem::discriminant(other) == std::mem::discriminant(&alone);
-            let settled = is_good && found.iter().any(same);
-            if settled || attempt == ATTEMPTS {
-                return Ok((alone, settled));
-            }
-            found.extend(is_good.then_some(alone));
+            // To and fro, so that attempts do not carry the platform to its stop.
+            command = -command;
         }
     }
 
