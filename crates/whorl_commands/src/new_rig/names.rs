@@ -233,7 +233,20 @@ pub fn named(column: &str) -> Named {
         STEMS.iter().find(|(stem, _)| *stem == first && stem.len() > 2).map(|(_, meaning)| *meaning)
     };
     let meaning = (0..words.len()).find_map(known).or_else(from_front);
+    let meaning = meaning.and_then(|meaning| in_unit(meaning, unit));
     Named { column: column.to_owned(), stem: words.join(" "), axis, unit, meaning }
+}
+
+/// What a name stands for whose unit tells more: `wheel_x_n_m` is no speed. `None` where the unit is one of other quantities.
+fn in_unit(meaning: Meaning, unit: Option<&str>) -> Option<Meaning> {
+    let (Is(channel), Some(unit)) = (meaning, unit) else { return Some(meaning) };
+    let has = |channel: &Channel| channel.info().units.iter().any(|known| known.name == unit);
+    if has(&channel) || channel.info().units.is_empty() || !Channel::ALL.iter().any(has) {
+        return Some(meaning);
+    }
+    let form = |channel: &Channel| std::mem::discriminant(&channel.info().form);
+    let is_like = |other: &&Channel| has(other) && form(other) == form(&channel);
+    Channel::ALL.iter().find(is_like).map(|other| Is(*other))
 }
 
 /// Unit in brackets, and the name without it.
@@ -312,6 +325,18 @@ fn taken_axis(words: &mut Vec<String>) -> Option<Axis> {
 mod tests {
     use super::*;
 
+    /// What `whorl export csv` calls its columns: exported by one rig, they are read by another.
+    #[test]
+    fn names_of_exported_columns_are_read() {
+        let wheels = ["wheel_x", "wheel_y", "wheel_z"].map(str::to_owned);
+        let is_gimbals = |channel: &Channel| matches!(channel.info().form, whorl_bag::Form::Gimbals { .. });
+        for channel in Channel::ALL.iter().copied().filter(|channel| !is_gimbals(channel)) {
+            for name in whorl_recording::column_names(channel, 0, 3, &wheels) {
+                assert_eq!(named(&name).meaning, Some(Is(channel)), "{name}");
+            }
+        }
+    }
+
     #[test]
     fn names_of_many_kinds_are_read() {
         let gyro = Some(Is(Channel::Gyro));
@@ -339,6 +364,12 @@ mod tests {
             ("theta_deg", Some(Angle), None, Some("deg")),
             ("sample", Some(Count), None, None),
             ("mode", None, None, None),
+            ("wheel_x_rad_s", Some(Is(Channel::WheelSpeed)), Some(Axis::Body(0)), Some("rad/s")),
+            ("wheel_x_n_m", Some(Is(Channel::WheelTorqueCommand)), Some(Axis::Body(0)), Some("N m")),
+            ("rw_2_a", Some(Is(Channel::WheelCurrent)), Some(Axis::Number(2)), Some("A")),
+            ("gyro_temperature_degc", Some(Is(Channel::Temperature)), None, Some("degC")),
+            ("gyro_degc", None, None, Some("degC")),
+            ("torque_x_a", Some(Is(Channel::WheelCurrent)), Some(Axis::Body(0)), Some("A")),
         ] {
             let found = named(column);
             assert_eq!((found.meaning, found.axis, found.unit), (meaning, axis, unit), "{column}: {found:?}");
