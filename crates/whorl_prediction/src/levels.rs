@@ -1,7 +1,8 @@
 //! How noisy the readings are, and how large what pushes the platform besides its model: levels that the run shows.
 //!
 //! With the levels of a stationary process, an estimate's squares and its variance add up to the process's own variance. A pass
-//! of the filter therefore changes all levels at once, and of all passes the likeliest counts.
+//! of the filter therefore changes all levels at once, and of all passes the likeliest counts. How fast the torque on the body changes
+//! is searched for ([`crate::timing`]): a torque that is taken for a faster one than it is leaves its slow part to other explanations.
 
 use std::collections::BTreeMap;
 
@@ -16,6 +17,10 @@ use crate::likelihood::Likelihood;
 use crate::noise::{Disturbance, Noise};
 use crate::prepared::Prepared;
 use crate::start::Start;
+use crate::timing::timed;
+
+/// Passes in which levels are found once more with another correlation time: they were found with one close by.
+const PASSES_WHEN_TIMED: usize = 2;
 
 /// A run as its filter follows it best: with the levels that it shows, and the start.
 #[derive(Debug, Clone, PartialEq)]
@@ -118,7 +123,19 @@ fn followed_from(
         }
         noise = next;
     }
-    let (mut log, noise) = best.unwrap_or_else(|| (f64::NEG_INFINITY, stated.clone()));
+    let mut best = best.unwrap_or_else(|| (f64::NEG_INFINITY, stated.clone()));
+    if best.1.disturbance.is_of_body() {
+        let mut noise = timed(case, stated, &best.1, &fitted.start, first > 0);
+        for _ in 0..PASSES_WHEN_TIMED {
+            let moments = Moments::of(case, &noise, &fitted.start.with_disturbance(&noise), case.instants());
+            if moments.log.is_nan() || moments.log <= best.0 {
+                break;
+            }
+            let next = moments.improved(case, &noise, stated);
+            best = (moments.log, std::mem::replace(&mut noise, next));
+        }
+    }
+    let (mut log, noise) = best;
     // Where a kind of disturbance has come to nothing a start has fewer coordinates.
     if Start::wide(case, &noise).layout != fitted.start.layout {
         fitted = fitted_start_within(case, &noise, settings.level_start_instants);
@@ -156,6 +173,7 @@ fn first_guess(case: &Prepared<'_>) -> Disturbance {
         stddev_b_n_m: [body; 3],
         motors_n_m: if shown { wheels } else { Vec::new() },
         correlation_s: case.settings().disturbance_correlation_s,
+        motors_correlation_s: case.settings().disturbance_correlation_s,
     }
 }
 
@@ -170,8 +188,8 @@ pub(crate) fn stands(now: &Noise, next: &Noise, share: f64) -> bool {
 }
 
 /// What a pass shows of the levels.
-struct Moments {
-    log: f64,
+pub(crate) struct Moments {
+    pub log: f64,
     layout: Layout,
     /// Of each coordinate over time: square of the estimate, and variance.
     estimate: DVector<f64>,
@@ -188,7 +206,7 @@ struct Squares {
 }
 
 impl Moments {
-    fn of(case: &Prepared<'_>, noise: &Noise, start: &Start, part: usize) -> Self {
+    pub fn of(case: &Prepared<'_>, noise: &Noise, start: &Start, part: usize) -> Self {
         let mut filter = Filter::new(case, noise, start).about_known_biases(start);
         let layout = filter.layout;
         let mut found = Self {
@@ -228,7 +246,7 @@ impl Moments {
     }
 
     /// Levels that agree better with what was found.
-    fn improved(&self, case: &Prepared<'_>, noise: &Noise, stated: &Noise) -> Noise {
+    pub fn improved(&self, case: &Prepared<'_>, noise: &Noise, stated: &Noise) -> Noise {
         let settings = case.settings();
         let mut next = noise.clone();
         let (body, motors) = (self.layout.disturbance(), self.layout.motors());

@@ -66,6 +66,7 @@ mod since;
 mod smoothed;
 mod start;
 mod sums;
+mod timing;
 mod transition;
 
 pub use ahead::AheadError;
