@@ -31,19 +31,22 @@ pub fn watched<T>(what: &str, work: impl FnOnce(&mut dyn FnMut(f64, &str)) -> T)
         scope.spawn(move || {
             let begun = Instant::now();
             let (mut state, mut is_drawn, mut next_line) = ((0.0, what), false, LINE);
+            let mut reported = Duration::ZERO;
             loop {
                 match heard.recv_timeout(TICK) {
-                    Ok(news) => state = news,
+                    // Work that begins anew is not undone.
+                    Ok((share, doing)) if share <= state.0 => state.1 = doing,
+                    Ok(news) => (state, reported) = (news, begun.elapsed()),
                     Err(RecvTimeoutError::Timeout) => {}
                     Err(RecvTimeoutError::Disconnected) => break,
                 }
                 if !is_terminal {
                     if begun.elapsed() >= next_line {
                         next_line += LINE;
-                        eprintln!("{}", line(state.0, &state.1, begun.elapsed()).trim_end());
+                        eprintln!("{}", line(state.0, &state.1, reported, begun.elapsed()).trim_end());
                     }
                 } else if begun.elapsed() > WORTH_SAYING {
-                    draw(&line(state.0, &state.1, begun.elapsed()));
+                    draw(&line(state.0, &state.1, reported, begun.elapsed()));
                     is_drawn = true;
                 }
             }
@@ -68,21 +71,22 @@ fn draw(line: &str) {
     let _ = write!(terminal, "\r\x1b[K{line}").and_then(|()| terminal.flush());
 }
 
-/// Bar, share done, current step and time left.
-fn line(share: f64, doing: &str, elapsed: Duration) -> String {
+/// Bar, share done, current step, time since the beginning, and time left: as long as what was done when the share was `reported`
+/// lets one expect more. A step that takes longer says nothing of the time left.
+fn line(share: f64, doing: &str, reported: Duration, elapsed: Duration) -> String {
     let elapsed_s = elapsed.as_secs_f64();
     if share <= 0.0 {
         return format!("{doing} ... {elapsed_s:.0} s");
     }
     let share = share.min(1.0);
     let full = (share * WIDTH as f64).round() as usize;
-    let left_s = elapsed_s * (1.0 - share) / share;
+    let left_s = reported.as_secs_f64() / share - elapsed_s;
+    let left = if left_s > 0.0 { format!(", about {:.0} s left", left_s.ceil()) } else { String::new() };
     format!(
-        "[{}{}] {:3.0} %  {doing}, about {:.0} s left",
+        "[{}{}] {:3.0} %  {doing}, {elapsed_s:.0} s{left}",
         "#".repeat(full),
         ".".repeat(WIDTH - full),
         100.0 * share,
-        left_s.ceil()
     )
 }
 
@@ -92,10 +96,14 @@ mod tests {
 
     #[test]
     fn a_line_says_how_far_and_how_long() {
-        let half = line(0.5, "comparing explanations", Duration::from_secs(4));
-        assert_eq!(half, "[############............]  50 %  comparing explanations, about 4 s left");
-        assert_eq!(line(0.0, "reading", Duration::from_secs(2)), "reading ... 2 s");
+        let s = Duration::from_secs;
+        let half = |elapsed_s| line(0.5, "comparing explanations", s(4), s(elapsed_s));
+        let bar = "[############............]  50 %  comparing explanations";
+        assert_eq!(half(4), format!("{bar}, 4 s, about 4 s left"));
+        assert_eq!(half(7), format!("{bar}, 7 s, about 1 s left"));
+        assert_eq!(half(20), format!("{bar}, 20 s"), "nobody knows");
+        assert_eq!(line(0.0, "reading", s(0), s(2)), "reading ... 2 s");
         // Rounding never overfills the bar.
-        assert!(line(1.2, "x", Duration::from_secs(2)).starts_with("[########################] 100 %"));
+        assert!(line(1.2, "x", s(2), s(2)).starts_with("[########################] 100 %"));
     }
 }
