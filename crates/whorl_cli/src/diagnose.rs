@@ -95,7 +95,7 @@ fn print_candidates(diagnosis: &Diagnosis) {
             vec![
                 c.effect.clone(),
                 format!("{:.1}", c.delta_log_evidence),
-                format!("{:.1}", c.held_out_gain),
+                c.held_out_gain.map_or_else(|| "-".to_owned(), |gain| format!("{gain:.1}")),
                 format!("{:.0}", 100.0 * c.share_of_excess),
                 three_digits(c.detectability),
                 format!("{:.0}", 100.0 * c.swallowed_by_base),

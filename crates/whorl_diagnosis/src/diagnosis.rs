@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::background::BackgroundTorque;
 use crate::refit::Fit;
 
 /// Version of the JSON output of [`Diagnosis`].
@@ -49,8 +50,9 @@ pub struct Candidate {
     pub effect: String,
     /// Log evidence gained by adding it to the chosen set; for a term of the set, lost by removing it.
     pub delta_log_evidence: f64,
-    /// Log likelihood gained on data that did not take part in its fit; > 0 = predicts better.
-    pub held_out_gain: f64,
+    /// Log likelihood gained on data that did not take part in its fit; > 0 = predicts better. `None` where there were none, or where
+    /// it was not fitted, as what it would gain was too little.
+    pub held_out_gain: Option<f64>,
     /// Of the drop of the misfit that the answer brings, and of what it leaves above the noise, the share that this effect alone brings.
     pub share_of_excess: f64,
     /// Share of its signal that is absorbed by refitting the base parameters.
@@ -138,6 +140,8 @@ pub struct FittedSet {
     pub effects: Vec<String>,
     /// What it also holds that is unmodelled: a law beside the effects, or a slow random torque that is no background.
     pub unmodelled: Option<Unknown>,
+    /// The slow random torque beside it; `None` for a law, which is compared beside that of its set.
+    pub background: Option<BackgroundTorque>,
     /// What was fitted, and where; the platform's own parameters among it. Empty for an unmodelled law.
     pub parameters: Vec<ParameterOfSet>,
     /// Log evidence with which it enters the posterior.
@@ -158,15 +162,6 @@ pub struct FittedSet {
     pub probability: f64,
     /// Whether the samples were asked.
     pub judged_on_samples: bool,
-}
-
-/// Slow random torque that was found beside what is explained.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct BackgroundTorque {
-    /// Standard deviation about each axis [N m]; 0 = none was found.
-    pub stddev_n_m: f64,
-    /// Time over which it changes \[s\].
-    pub correlation_s: f64,
 }
 
 /// Noise of one channel of one run.

@@ -10,6 +10,7 @@
 //! effect has are looked for in it too. A linear regression over bins of a smoothed motion, whitened by a Kalman filter, proposes
 //! effects with shapes and hidden states and first values. See METHOD.md of this crate.
 
+mod background;
 mod bins;
 mod diagnosis;
 mod directions;
@@ -30,9 +31,10 @@ mod threads;
 mod verdict;
 mod whitening;
 
+pub use background::BackgroundTorque;
 pub use diagnosis::{
-    BackgroundTorque, Candidate, Diagnosis, Explanation, FittedSet, NextManoeuvre, NoiseScale,
-    ParameterEstimate, ParameterOfSet, SCHEMA, SlowResidual, Unknown, Verdict,
+    Candidate, Diagnosis, Explanation, FittedSet, NextManoeuvre, NoiseScale, ParameterEstimate,
+    ParameterOfSet, SCHEMA, SlowResidual, Unknown, Verdict,
 };
 pub use directions::{Direction, Directions, Measured, Suspect, directions};
 pub use error::DiagnosisError;
@@ -137,7 +139,7 @@ fn answer(
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Diagnosis, DiagnosisError> {
     search.judge_remaining(judgement, progress)?;
-    progress(Progress { share: 0.95, doing: "writing the answer" });
+    progress(Progress { share: 0.92, doing: "looking for laws without a name, writing the answer" });
     let mut diagnosis = search.answer(recordings.0)?;
     diagnosis.fits = search.fits_of([Vec::new(), diagnosis.effects.clone()])?;
     if let Some(remark) = verdict::unrecorded::pulses(&search)? {

@@ -88,10 +88,10 @@ impl Search<'_> {
         judge: Judge<'j>,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Option<Judgement<'j>>, DiagnosisError> {
-        progress(Progress { share: 0.6, doing: "comparing every sample" });
+        progress(Progress { share: 0.15, doing: "fitting the platform's own parameters to every sample" });
         let Some(base) = self.judge_alone(&judge)? else { return Ok(None) };
         let mut judgement = Judgement { judge, base, left: MOST_JUDGED };
-        self.judge_asked_for(&mut judgement)?;
+        self.judge_asked_for(&mut judgement, progress)?;
         let most = self.most_probable_judged();
         let of_both = most.and_then(|most| Some((most.score.log_evidence, *self.of_bins.get(&most.names)?)));
         self.samples_over_bins = of_both.map_or(0.0, |(of_samples, of_bins)| of_samples - of_bins);
@@ -114,14 +114,11 @@ impl Search<'_> {
             }
             let Some(fewer) = judgement.left.checked_sub(1) else { break };
             judgement.left = fewer;
-            progress(Progress {
-                share: 0.95 - 0.1 * fewer as f64 / MOST_JUDGED as f64,
-                doing: "comparing every sample",
-            });
+            progress(judgement.progress());
             let entered = entered(&set, None);
             let Some(found) = self.said_of(&set, &entered, &judgement)? else { break };
             self.set_judged(set, found);
-            self.judge_asked_for(&mut judgement)?;
+            self.judge_asked_for(&mut judgement, progress)?;
         }
         self.forget_what_was_not_judged();
         self.settle_most_probable()
@@ -129,12 +126,17 @@ impl Search<'_> {
 
     /// Judges sets with one effect more than the most probable judged set, as the samples propose them, until none of these is more
     /// probable.
-    fn judge_asked_for(&mut self, judgement: &mut Judgement<'_>) -> Result<(), DiagnosisError> {
+    fn judge_asked_for(
+        &mut self,
+        judgement: &mut Judgement<'_>,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<(), DiagnosisError> {
         while let Some(most) = self.most_probable_judged().cloned() {
             if self.besides.iter().any(|beside| beside.names == most.names) {
                 break;
             }
             let Some(fit) = most.judged.as_ref().map(|judged| &judged.fit) else { break };
+            progress(judgement.progress());
             let beside = match self.said.take_beside(&most.names) {
                 Some(said) => Some(said),
                 None => {
@@ -150,6 +152,7 @@ impl Search<'_> {
                 larger.iter().for_each(|set| self.note_bins(set));
                 let Some(larger) = larger.filter(|set| !self.is_ruled_out(&set.names)) else { continue };
                 judgement.left = fewer;
+                progress(judgement.progress());
                 let entered = entered(&larger, Some(asked));
                 if let Some(found) = self.said_of(&larger, &entered, judgement)? {
                     self.set_judged(larger, found);
@@ -313,6 +316,12 @@ impl Judge<'_> {
 }
 
 impl Judgement<'_> {
+    /// How far the search is when so many sets were judged: few searches judge all that they may.
+    fn progress(&self) -> Progress {
+        let judged = (MOST_JUDGED - self.left.min(MOST_JUDGED)) as f64 / MOST_JUDGED as f64;
+        Progress { share: 0.3 + 0.6 * judged.sqrt(), doing: "comparing every sample" }
+    }
+
     /// How likely a set beside them makes all recordings at its own likeliest values.
     fn beside(
         &self,

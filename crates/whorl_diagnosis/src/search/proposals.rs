@@ -77,9 +77,9 @@ impl<'a> Search<'a> {
         options: &'a Options,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Self, DiagnosisError> {
-        progress(Progress { share: 0.1, doing: "smoothing the motion" });
+        progress(Progress { share: 0.02, doing: "smoothing the motion" });
         let point = base_point_with(problem, &mut held_out)?;
-        progress(Progress { share: 0.45, doing: "passing every effect through the filter" });
+        progress(Progress { share: 0.08, doing: "passing every effect through the filter" });
         Self::at(problem, held_out, options, point)
     }
 
@@ -384,7 +384,7 @@ impl<'a> Search<'a> {
             || left[worst(&left)].significance() > settings.noticed_stddevs
             || self.has_faint_line()?
         {
-            progress(Progress { share: 0.55, doing: "looking for lines and hidden states" });
+            progress(Progress { share: 0.1, doing: "looking for lines and hidden states" });
             self.with_hidden = true;
             self.regress()?;
             self.best = self.base.clone();

@@ -43,19 +43,33 @@ struct Offered {
     is_linear: bool,
 }
 
+/// An effect as it enters beside a set, by the sums of the samples.
+pub(crate) struct Entry {
+    /// Log evidence of the sums with it, less the log-prior penalty of how it enters.
+    pub gain: f64,
+    /// Prior size, in units of the catalogue's.
+    pub size: f64,
+    /// Columns that remain: those whose values no platform can have are left out.
+    pub columns: Vec<usize>,
+    /// Steps from where the set was fitted.
+    pub estimate: Estimate,
+    /// By how much the misfit is lower than without it.
+    pub drop: f64,
+}
+
 /// The normal equations of the samples for every effect beside a set that was fitted to them.
 pub(crate) struct Beside {
     pub names: Vec<String>,
-    normal: Normal,
+    pub normal: Normal,
     /// Columns of the set itself.
-    own: Vec<usize>,
+    pub own: Vec<usize>,
     offered: Vec<Offered>,
-    columns: Vec<Column>,
-    stddevs: Vec<f64>,
-    /// Where each is, in units of its deviation.
-    at: Vec<f64>,
-    /// Log evidence of the sums without any of them.
-    without: f64,
+    pub columns: Vec<Column>,
+    pub stddevs: Vec<f64>,
+    /// Where each is, in its units.
+    pub at: Vec<f64>,
+    /// The sums without any of them.
+    pub without: Estimate,
 }
 
 impl Beside {
@@ -65,10 +79,12 @@ impl Beside {
             .offered
             .iter()
             .filter_map(|effect| {
-                let (gain, size, columns) = self.best_of(effect, settings)?;
-                let predicted_gain = gain - self.without + log_prior(&[effect.id], settings);
-                let indices = columns.iter().map(|i| self.columns[*i].index).collect();
-                Some(Asked { id: effect.id, entered: Entered { indices, size }, predicted_gain })
+                let entry = self.best_of(effect, settings)?;
+                let predicted_gain =
+                    entry.gain - self.without.log_evidence + log_prior(&[effect.id], settings);
+                let indices = entry.columns.iter().map(|i| self.columns[*i].index).collect();
+                let entered = Entered { indices, size: entry.size };
+                Some(Asked { id: effect.id, entered, predicted_gain })
             })
             .filter(|asked| asked.predicted_gain > 0.0)
             .collect();
@@ -96,28 +112,38 @@ impl Beside {
         // Each effect with the columns that gain most alone.
         let best: Option<Vec<(usize, Vec<usize>)>> = offered
             .iter()
-            .map(|effect| Some((effect.options.len(), self.best_of(effect, settings)?.2)))
+            .map(|effect| Some((effect.options.len(), self.best_of(effect, settings)?.columns)))
             .collect();
         let Some(best) = best else { return false };
         let columns: Vec<usize> = best.iter().flat_map(|(_, columns)| columns.iter().copied()).collect();
         let choices: f64 = best.iter().map(|(options, _)| (*options as f64).ln()).sum();
-        let Some((gain, ..)) = self.gain_of(&columns, settings) else { return false };
-        let gain = gain - choices - self.without;
+        let Some(entry) = self.enter(&columns, settings) else { return false };
+        let gain = entry.gain - choices - self.without.log_evidence;
         let most_gained = if gain > settings.window_nats { 2.0 * gain } else { gain };
         let predicted_gain = most_gained + log_prior(names, settings) - log_prior(&self.names, settings);
         own + predicted_gain < most - settings.doubt_nats
     }
 
-    /// The same of an effect with the likeliest of its choices of columns, less the log-prior penalty of the choice.
-    fn best_of(&self, effect: &Offered, settings: &Settings) -> Option<(f64, f64, Vec<usize>)> {
-        let choice = (effect.options.len() as f64).ln();
-        let gains = effect.options.iter().filter_map(|columns| self.gain_of(columns, settings));
-        gains.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(gain, size, columns)| (gain - choice, size, columns))
+    /// Whether the sums hold for an effect: one with a shape may fit at another value of it.
+    pub fn holds_for(&self, id: &str) -> bool {
+        self.offered.iter().any(|effect| effect.id == id && effect.is_linear)
     }
 
-    /// Log evidence with more columns, at the likeliest size, and the columns that remain: those whose values no platform can have
-    /// are left out.
-    fn gain_of(&self, further: &[usize], settings: &Settings) -> Option<(f64, f64, Vec<usize>)> {
+    /// An effect beside the set. `None` where no platform can have it with the values that the samples ask for.
+    pub fn entry(&self, id: &str, settings: &Settings) -> Option<Entry> {
+        self.best_of(self.offered.iter().find(|effect| effect.id == id)?, settings)
+    }
+
+    /// An effect with the likeliest of its choices of columns.
+    fn best_of(&self, effect: &Offered, settings: &Settings) -> Option<Entry> {
+        let choice = (effect.options.len() as f64).ln();
+        let entries = effect.options.iter().filter_map(|columns| self.enter(columns, settings));
+        let best = entries.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        Some(Entry { gain: best.gain - choice, ..best })
+    }
+
+    /// More columns, at the likeliest size.
+    fn enter(&self, further: &[usize], settings: &Settings) -> Option<Entry> {
         let known = |i: usize| self.stddevs[i].powi(2);
         let with = |entered: &[usize], size: f64| {
             let is_own = |i: &&usize| **i < self.own.len();
@@ -133,21 +159,22 @@ impl Beside {
                 normal.vector[i] += less * self.at[i];
                 saved += 0.5 * less * self.at[i].powi(2);
             }
-            Estimate::new(&normal, &all, variance).map(|found| (found.log_evidence + saved, found))
+            Estimate::new(&normal, &all, variance).map(|found| (saved, found))
         };
-        let mut best: Option<(f64, f64, Vec<usize>)> = None;
+        let mut best: Option<Entry> = None;
         for size in SIZES {
             let mut entered = further.to_vec();
             while !entered.is_empty() {
-                let Some((log_evidence, found)) = with(&entered, size) else { break };
+                let Some((saved, estimate)) = with(&entered, size) else { break };
                 let is_possible = |i: &usize| {
                     let (least, most) = self.columns[*i].range;
-                    (least..=most).contains(&(self.at[*i] + found.of(*i)))
+                    (least..=most).contains(&(self.at[*i] + estimate.of(*i)))
                 };
                 if entered.iter().all(is_possible) {
-                    let gain = log_evidence - rarity_nats(size, settings);
-                    if best.as_ref().is_none_or(|(most, ..)| gain > *most) {
-                        best = Some((gain, size, entered.clone()));
+                    let gain = estimate.log_evidence + saved - rarity_nats(size, settings);
+                    let drop = estimate.drop + 2.0 * saved - self.without.drop;
+                    if best.as_ref().is_none_or(|most| gain > most.gain) {
+                        best = Some(Entry { gain, size, columns: entered, estimate, drop });
                     }
                     break;
                 }
@@ -201,7 +228,7 @@ impl Search<'_> {
             names: names.clone(),
             own,
             offered,
-            without: without.log_evidence,
+            without,
             columns: refit.columns,
             stddevs: refit.stddevs,
             at,

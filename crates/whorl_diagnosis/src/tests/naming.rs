@@ -21,6 +21,14 @@ fn nothing_is_named_where_nothing_is_missing() {
     let diagnosis = diagnosis_of(&[], 1, 50.0);
     assert_eq!(diagnosis.verdict, Verdict::NothingMissing, "{:?}", diagnosis.effects);
     assert!(diagnosis.effects.is_empty() && diagnosis.unknown.is_none());
+    assert_that_no_other_gains(&diagnosis);
+}
+
+/// The table does not contradict the answer: no effect gains beside it what its prior probability of 0.005 costs.
+fn assert_that_no_other_gains(diagnosis: &Diagnosis) {
+    for row in diagnosis.candidates.iter().filter(|row| !diagnosis.effects.contains(&row.effect)) {
+        assert!(row.delta_log_evidence < -(0.005f64.ln()), "{row:?}");
+    }
 }
 
 #[test]
@@ -32,6 +40,7 @@ fn a_friction_is_named_with_its_size() {
     let parameter = &diagnosis.candidates[0].parameters[0];
     assert!((parameter.estimate - 0.05).abs() < 4.0 * parameter.stddev, "{parameter:?}");
     assert!(parameter.stddev < 0.005);
+    assert_that_no_other_gains(&diagnosis);
     // It is all that is missing.
     assert!(diagnosis.candidates[0].share_of_excess > 0.9, "{}", diagnosis.candidates[0].share_of_excess);
     let json = serde_json::to_value(&diagnosis).unwrap();

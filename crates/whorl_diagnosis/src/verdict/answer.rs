@@ -6,11 +6,10 @@ use whorl_dynamics::effects::find;
 use whorl_math::statistics::median;
 use whorl_recording::{Channel, Component, Recording};
 
-use crate::diagnosis::{
-    BackgroundTorque, Candidate, Explanation, NoiseScale, ParameterEstimate, SlowResidual, Unknown,
-};
+use crate::background::BackgroundTorque;
+use crate::diagnosis::{Candidate, Explanation, NoiseScale, SlowResidual, Unknown};
 use crate::evidence::problem::{Dataset, Problem};
-use crate::evidence::regression::{BLOCKS_PER_RUN, Estimate};
+use crate::evidence::regression::BLOCKS_PER_RUN;
 use crate::explanations::hypothesis::Hypothesis;
 use crate::explanations::vibration::fast_effects;
 use crate::search::Search;
@@ -40,69 +39,6 @@ impl Search<'_> {
         }
     }
 
-    /// One row of the table for a hypothesis' last term, against the hypothesis without it.
-    fn row(&self, with: &Hypothesis, without: &Hypothesis, term: usize) -> Option<Candidate> {
-        let term = with.terms.get(term)?;
-        let candidate = self.design.candidates.get(term.candidate)?;
-        let covariance = with.estimate.covariance();
-        let mut parameters: Vec<ParameterEstimate> = Vec::new();
-        for &i in &term.columns {
-            let column = self.design.columns.get(i)?;
-            let Some(at) = with.estimate.active.iter().position(|a| *a == i) else { continue };
-            let stddev = covariance[(at, at)].max(0.0).sqrt();
-            let own = self.estimate_of(column, with.estimate.value[at], stddev);
-            // Sine and cosine of one amplitude.
-            if let Some(sine) = parameters.iter_mut().find(|p| p.name == column.name) {
-                sine.estimate = sine.estimate.hypot(own.estimate);
-                sine.stddev = sine.stddev.max(own.stddev);
-                continue;
-            }
-            parameters.push(own);
-        }
-        let (evidence, drop) = self.advantage(with, without);
-        let rows = self.data.total.rows;
-        // Where nothing is named, what is within chance is no excess.
-        let chance = if self.best.terms.is_empty() {
-            self.options.settings.noticed_stddevs * (2.0 * rows).sqrt()
-        } else {
-            1.0
-        };
-        // What the best set brings, in the same measure as this row, each with the noise that it leaves; and what it leaves.
-        let left = (self.data.total.sum_of_squares - self.best.estimate.drop - rows).max(0.0);
-        let excess = (self.advantage(&self.best, &self.base).1 + left).max(chance).max(drop);
-        Some(Candidate {
-            effect: candidate.id.to_owned(),
-            delta_log_evidence: evidence,
-            held_out_gain: self.gain(with, without).unwrap_or(0.0),
-            share_of_excess: (drop / excess).clamp(0.0, 1.0),
-            swallowed_by_base: self.absorbed(&term.columns, with),
-            detectability: drop.max(0.0),
-            indistinguishable_from: Vec::new(),
-            parameters,
-        })
-    }
-
-    /// Share of a signal that refitting the base absorbs.
-    fn absorbed(&self, columns: &[usize], fit: &Hypothesis) -> f64 {
-        let normal = &self.data.total;
-        let mut alone = 0.0;
-        for &i in columns {
-            for &j in columns {
-                alone += fit.estimate.of(i) * normal.matrix[(i, j)] * fit.estimate.of(j);
-            }
-        }
-        // What is left of the signal when the base follows it as well as it can within its prior.
-        let mut signal = crate::evidence::regression::Normal::zeros(self.design.columns.len());
-        for a in 0..self.design.columns.len() {
-            signal.vector[a] = columns.iter().map(|j| normal.matrix[(a, *j)] * fit.estimate.of(*j)).sum();
-        }
-        signal.matrix.copy_from(&normal.matrix);
-        let base: Vec<usize> = self.design.base.iter().copied().filter(|i| !columns.contains(i)).collect();
-        let followed =
-            Estimate::new(&signal, &base, |i| self.design.base_variance(i)).map_or(0.0, |e| e.drop);
-        if alone > 0.0 { (followed / alone).clamp(0.0, 1.0) } else { 0.0 }
-    }
-
     /// Admissible sets, each with its weight.
     fn evaluated_sets(&self) -> Vec<Weighted> {
         let weighted = |set: &Converged| Weighted {
@@ -115,10 +51,17 @@ impl Search<'_> {
         self.admissible().map(weighted).collect()
     }
 
-    /// A slow random torque that is more than background: what the samples show beside a set, or bins where they were not asked.
+    /// The slow random torque beside a set: what the samples show, or bins where they were not asked.
+    pub(crate) fn background(&self, set: &Converged) -> BackgroundTorque {
+        match &set.judged {
+            Some(judged) => judged.fit.background(),
+            None => self.problem.background(set.score.nuisance),
+        }
+    }
+
+    /// A slow random torque that is more than background.
     pub(crate) fn large_background(&self, set: &Converged) -> Option<Unknown> {
-        let of_bins = || self.problem.background(set.score.nuisance).stddev_n_m;
-        let stddev_n_m = set.judged.as_ref().map_or_else(of_bins, |judged| judged.fit.torque_n_m());
+        let stddev_n_m = self.background(set).stddev_n_m;
         self.problem.is_large_torque(stddev_n_m).then(|| Unknown::torque_in_time(stddev_n_m))
     }
 
@@ -266,26 +209,6 @@ impl Search<'_> {
         odd.into_iter().map(|(_, name)| name).collect()
     }
 
-    /// One row for each effect: terms of the best set, then what else was tested, best first.
-    fn rows(&self) -> Vec<Candidate> {
-        let mut candidates: Vec<Candidate> = Vec::new();
-        for term in 0..self.best.terms.len() {
-            if let Some(smaller) = self.best.without(&self.design, &self.data.total, term)
-                && let Some(mut row) = self.row(&self.best, &smaller, term)
-            {
-                if let Some(parameters) = self.averaged(&self.best, term) {
-                    row.parameters = parameters;
-                }
-                candidates.push(row);
-            }
-        }
-        for addition in self.additions(&self.best) {
-            let last = addition.terms.len().saturating_sub(1);
-            candidates.extend(self.row(&addition, &self.best, last));
-        }
-        candidates
-    }
-
     /// The answer.
     pub(crate) fn answer(&mut self, training: &[Recording]) -> Result<Diagnosis, DiagnosisError> {
         let mut candidates = self.rows();
@@ -379,7 +302,7 @@ impl Search<'_> {
             _ => self.kind(),
         };
         let score = self.score(&self.best);
-        let background = score.map(|s| self.problem.background(s.nuisance)).unwrap_or_default();
+        let background = self.fitted(&self.best).map(|set| self.background(set)).unwrap_or_default();
         Ok(Diagnosis {
             schema: SCHEMA,
             verdict,
@@ -387,10 +310,7 @@ impl Search<'_> {
             confounded_with: sets.into_iter().skip(1).collect(),
             effects,
             explanations,
-            background: BackgroundTorque {
-                stddev_n_m: background.stddev_n_m,
-                correlation_s: background.correlation_s,
-            },
+            background,
             formula_error: score.map_or(0.0, |s| s.relative_error),
             noise,
             unknown,

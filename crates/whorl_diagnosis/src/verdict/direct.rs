@@ -98,11 +98,10 @@ impl Search<'_> {
             clips_nats * f64::from(range.is_finite()) + step_nats * f64::from(coarse)
         };
         let log_evidence: f64 = self.problem.runs.iter().map(seen_nats).sum();
-        let held_out = self.held_out.iter().flat_map(|held| held.runs.iter());
         Some(Candidate {
             effect: effect.to_owned(),
             delta_log_evidence: log_evidence,
-            held_out_gain: held_out.map(seen_nats).sum(),
+            held_out_gain: self.held_out.as_ref().map(|held| held.runs.iter().map(seen_nats).sum()),
             // Readings that are rounded or cut off are no torque, and no other constant absorbs them.
             share_of_excess: 0.0,
             swallowed_by_base: 0.0,

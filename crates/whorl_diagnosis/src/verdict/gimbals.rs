@@ -56,7 +56,8 @@ impl Search<'_> {
                 None => row,
                 Some(mut all) => {
                     all.delta_log_evidence += row.delta_log_evidence;
-                    all.held_out_gain += row.held_out_gain;
+                    let held_out = all.held_out_gain.zip(row.held_out_gain);
+                    all.held_out_gain = held_out.map(|(all, row)| all + row);
                     all.detectability += row.detectability;
                     all.share_of_excess = all.share_of_excess.max(row.share_of_excess);
                     all.parameters.extend(row.parameters);
@@ -161,7 +162,7 @@ impl Rows {
         Some(Candidate {
             effect: effect.info().id.to_owned(),
             delta_log_evidence: evidence,
-            held_out_gain,
+            held_out_gain: Some(held_out_gain),
             share_of_excess: (1.0 - misfit_1 / misfit_0).clamp(0.0, 1.0),
             swallowed_by_base: 0.0,
             detectability: 2.0 * gain,
@@ -233,7 +234,7 @@ mod tests {
             let off = (parameter.estimate - truth) / parameter.stddev;
             assert!(off.abs() < 4.0 && parameter.stddev < 0.1 * truth, "{parameter:?}");
         }
-        assert!(found.held_out_gain > 10.0 && found.delta_log_evidence > 100.0);
+        assert!(found.held_out_gain.unwrap() > 10.0 && found.delta_log_evidence > 100.0);
         for seed in 0..20 {
             assert!(rows(0.0, 0.0, seed).candidate(effect, &model(), 0, 1, 5.5).is_none(), "{seed}");
         }

@@ -6,6 +6,7 @@ pub(crate) mod fit;
 pub(crate) mod gimbals;
 pub(crate) mod posterior;
 pub(crate) mod report;
+mod rows;
 mod trace;
 pub(crate) mod unrecorded;
 pub(crate) mod words;

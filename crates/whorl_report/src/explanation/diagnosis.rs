@@ -116,7 +116,7 @@ fn candidates(page: &mut Document, diagnosis: &Diagnosis) {
             vec![
                 if named(c) { bold_code(&c.effect) } else { code(&c.effect) },
                 number(c.delta_log_evidence, 1),
-                judged(c.held_out_gain, 1, c.held_out_gain > 0.0),
+                c.held_out_gain.map_or_else(|| text("-"), |gain| judged(gain, 1, gain > 0.0)),
                 number(c.share_of_excess * 100.0, 0),
                 number(c.swallowed_by_base * 100.0, 0),
                 number(c.detectability, 0),

@@ -181,7 +181,7 @@ fn row(effect: &dyn Effect, drop: f64, evidence: f64, parameters: Vec<ParameterE
     Candidate {
         effect: effect.info().id.to_owned(),
         delta_log_evidence: evidence,
-        held_out_gain: evidence,
+        held_out_gain: None,
         share_of_excess: 1.0,
         swallowed_by_base: 0.0,
         detectability: drop,
