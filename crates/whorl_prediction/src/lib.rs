@@ -51,6 +51,7 @@ mod layout;
 mod levels;
 mod likelihood;
 mod linearisation;
+mod moments;
 mod noise;
 mod other;
 mod parameter;

@@ -1,13 +1,14 @@
 //! How fast the torque changes that the model does not have: the correlation time with which a run is likeliest.
 
-use crate::levels::{Moments, stands};
+use crate::moments::{Moments, stands};
 use crate::noise::{Disturbance, Noise};
 use crate::prepared::Prepared;
 use crate::start::Start;
 
-/// Factors between times that are tried, the last where one close by is known. Within the last the log likelihood is a parabola of the
-/// time's logarithm as far as it matters.
-const FACTORS: [f64; 2] = [2.5, 1.5];
+/// Factors between times that are tried: to find the order of magnitude, and where that is known. Within the second the log likelihood
+/// is a parabola of the time's logarithm as far as it matters.
+const COARSE: f64 = 2.5;
+const FINE: f64 = 1.5;
 /// Passes in which the levels with a time are found.
 const PASSES: usize = 3;
 
@@ -21,11 +22,10 @@ pub(crate) fn timed(
     is_near: bool,
 ) -> Noise {
     let settings = case.settings();
-    let part = case.instants().min(settings.level_timed_instants);
     let (least_s, most_s) = settings.disturbance_correlation_range_s;
     let most_s = most_s.min(duration_s(case) / 3.0).max(least_s);
     // The likeliest levels with a correlation time: which of them the readings show, the fast or the slow part, depends on the rig.
-    let with_levels = |mut noise: Noise| {
+    let with_levels = |mut noise: Noise, part: usize| {
         let mut best = (f64::NEG_INFINITY, noise.clone());
         for _ in 0..PASSES {
             let moments = Moments::of(case, &noise, &start.with_disturbance(&noise), part);
@@ -41,14 +41,16 @@ pub(crate) fn timed(
         }
         best
     };
+    // First the likely order of magnitude, by the part of the run that gives the levels too.
+    let stages = [(COARSE, settings.level_first_instants), (FINE, settings.level_timed_instants)];
     let mut likeliest = noise.clone();
-    for factor in FACTORS.into_iter().skip(usize::from(is_near)) {
-        let mut best = with_levels(likeliest);
+    for (factor, part) in stages.into_iter().skip(usize::from(is_near)) {
+        let mut best = with_levels(likeliest, part);
         let mut tried = vec![(best.1.disturbance.correlation_s, best.0)];
         for factor in [factor, factor.recip()] {
             let begun = tried.len();
             while let Some(other) = moved(&best.1, factor, least_s, most_s) {
-                let found = with_levels(other);
+                let found = with_levels(other, part);
                 tried.push((found.1.disturbance.correlation_s, found.0));
                 if found.0 <= best.0 {
                     break;

@@ -9,13 +9,13 @@ use whorl_prediction::{Noise, Parameter, Prepared, Settings, fit, follow};
 
 /// A table that turns to and fro in half a minute, pushed at random.
 const PUSHED: Table =
-    Table { random_n_m: 0.01, wave_rad_s: 0.2, torque_n_m: 0.05, duration_s: 120.0, ..TABLE };
+    Table { random_n_m: 0.01, wave_rad_s: 0.2, torque_n_m: 0.05, duration_s: 90.0, ..TABLE };
 
 #[test]
 fn the_correlation_time_is_the_true_one() {
     for random_s in [0.4, 1.0, 3.0, 8.0] {
         // So strong that its fast part shows too.
-        let table = Table { random_s, random_n_m: 0.1, duration_s: 240.0, ..PUSHED };
+        let table = Table { random_s, random_n_m: 0.1, duration_s: 120.0, ..PUSHED };
         let scores: Vec<f64> = (1..5)
             .map(|seed| {
                 let (recording, _) = table.turned(seed);
@@ -47,7 +47,7 @@ fn a_law_beside_a_slow_random_torque_is_known_as_well_as_it_says() {
         Some(model)
     };
     let parameters = [Parameter { stddev: 10.0, range: (-100.0, 100.0) }];
-    let scores: Vec<f64> = (1..33)
+    let scores: Vec<f64> = (1..17)
         .map(|seed| {
             let (recording, _) = table.turned(seed);
             let found =
@@ -59,6 +59,6 @@ fn a_law_beside_a_slow_random_torque_is_known_as_well_as_it_says() {
     let mean = scores.iter().sum::<f64>() / n;
     let rms = (scores.iter().map(|score| score * score).sum::<f64>() / n).sqrt();
     println!("measured: {mean:.2} +- {rms:.2} of {n} fits");
-    // Chance makes an eighth of the root mean square of 32, and 0.18 of the mean.
-    assert!(mean.abs() < 0.55 && (0.7..1.3).contains(&rms), "{mean:.2}, {rms:.2}: {scores:.2?}");
+    // Chance makes a sixth of the root mean square of 16, and 0.25 of the mean.
+    assert!(mean.abs() < 0.75 && (0.5..1.4).contains(&rms), "{mean:.2}, {rms:.2}: {scores:.2?}");
 }
