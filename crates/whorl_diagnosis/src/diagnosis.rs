@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::background::BackgroundTorque;
 use crate::refit::Fit;
 
 /// Version of the JSON output of [`Diagnosis`].
@@ -140,8 +139,6 @@ pub struct FittedSet {
     pub effects: Vec<String>,
     /// What it also holds that is unmodelled: a law beside the effects, or a slow random torque that is no background.
     pub unmodelled: Option<Unknown>,
-    /// The slow random torque beside it; `None` for a law, which is compared beside that of its set.
-    pub background: Option<BackgroundTorque>,
     /// What was fitted, and where; the platform's own parameters among it. Empty for an unmodelled law.
     pub parameters: Vec<ParameterOfSet>,
     /// Log evidence with which it enters the posterior.
@@ -162,6 +159,15 @@ pub struct FittedSet {
     pub probability: f64,
     /// Whether the samples were asked.
     pub judged_on_samples: bool,
+}
+
+/// Slow random torque that was found beside what is explained.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct BackgroundTorque {
+    /// Standard deviation about each axis [N m]; 0 = none was found.
+    pub stddev_n_m: f64,
+    /// Time over which it changes \[s\].
+    pub correlation_s: f64,
 }
 
 /// Noise of one channel of one run.

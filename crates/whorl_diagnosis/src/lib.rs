@@ -10,7 +10,6 @@
 //! effect has are looked for in it too. A linear regression over bins of a smoothed motion, whitened by a Kalman filter, proposes
 //! effects with shapes and hidden states and first values. See METHOD.md of this crate.
 
-mod background;
 mod bins;
 mod diagnosis;
 mod directions;
@@ -31,10 +30,9 @@ mod threads;
 mod verdict;
 mod whitening;
 
-pub use background::BackgroundTorque;
 pub use diagnosis::{
-    Candidate, Diagnosis, Explanation, FittedSet, NextManoeuvre, NoiseScale, ParameterEstimate,
-    ParameterOfSet, SCHEMA, SlowResidual, Unknown, Verdict,
+    BackgroundTorque, Candidate, Diagnosis, Explanation, FittedSet, NextManoeuvre, NoiseScale,
+    ParameterEstimate, ParameterOfSet, SCHEMA, SlowResidual, Unknown, Verdict,
 };
 pub use directions::{Direction, Directions, Measured, Suspect, directions};
 pub use error::DiagnosisError;

@@ -51,7 +51,6 @@ mod layout;
 mod levels;
 mod likelihood;
 mod linearisation;
-mod moments;
 mod noise;
 mod other;
 mod parameter;
@@ -67,7 +66,6 @@ mod since;
 mod smoothed;
 mod start;
 mod sums;
-mod timing;
 mod transition;
 
 pub use ahead::AheadError;

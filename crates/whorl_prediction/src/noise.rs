@@ -29,20 +29,13 @@ pub struct Disturbance {
     pub stddev_b_n_m: [f64; 3],
     /// Of the torque of each wheel's motor beyond the model's, about its axis [N m]; empty: none.
     pub motors_n_m: Vec<f64>,
-    /// Correlation time tau of the torque on the body \[s\], > 0,
+    /// Correlation time tau \[s\], > 0.
     pub correlation_s: f64,
-    /// and of the motors' torques \[s\], > 0.
-    pub motors_correlation_s: f64,
 }
 
 impl Disturbance {
     /// None.
-    pub const NONE: Self = Self {
-        stddev_b_n_m: [0.0; 3],
-        motors_n_m: Vec::new(),
-        correlation_s: 1.0,
-        motors_correlation_s: 1.0,
-    };
+    pub const NONE: Self = Self { stddev_b_n_m: [0.0; 3], motors_n_m: Vec::new(), correlation_s: 1.0 };
 
     /// Whether there is one.
     #[must_use]
@@ -57,11 +50,6 @@ impl Disturbance {
     /// How many motors have one.
     pub(crate) fn motors(&self) -> usize {
         if self.motors_n_m.iter().any(|x| *x > 0.0) { self.motors_n_m.len() } else { 0 }
-    }
-
-    /// Correlation time of a coordinate of a layout that is a torque of it \[s\].
-    pub(crate) fn correlation_of_s(&self, layout: Layout, coordinate: usize) -> f64 {
-        if layout.motors().contains(&coordinate) { self.motors_correlation_s } else { self.correlation_s }
     }
 
     /// Coordinates of a layout that are torques of it, each with its standard deviation [N m].

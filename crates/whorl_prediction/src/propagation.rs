@@ -27,7 +27,7 @@ impl Filter<'_> {
             }
         }
         for i in torque.start..motors.end {
-            a[(i, i)] = -1.0 / self.noise.disturbance.correlation_of_s(self.layout, i);
+            a[(i, i)] = -1.0 / self.noise.disturbance.correlation_s;
         }
         a
     }
@@ -59,8 +59,9 @@ impl Filter<'_> {
             }
             self.grow(step, h_s);
             self.push_motors(&step.transition);
+            let fades = (-h_s / self.noise.disturbance.correlation_s).exp();
             for i in self.layout.plant.size()..self.layout.moving() {
-                self.beside[i] *= (-h_s / self.noise.disturbance.correlation_of_s(self.layout, i)).exp();
+                self.beside[i] *= fades;
             }
             if let Some(claims) = &mut self.claims {
                 claims.follow(step);
@@ -107,8 +108,7 @@ impl Filter<'_> {
         let (m, of) = (self.layout.moving(), &self.noise.disturbance);
         let walks = (0..m).map(|i| (i, self.walk_variance(i, 1.0).sqrt()));
         let disturbances = of.coordinates(self.layout).filter(|_| with_disturbances);
-        let pushes =
-            disturbances.map(|(i, stddev)| (i, stddev * (2.0 / of.correlation_of_s(self.layout, i)).sqrt()));
+        let pushes = disturbances.map(|(i, stddev)| (i, stddev * (2.0 / of.correlation_s).sqrt()));
         let single = walks.chain(pushes).filter(|(_, root)| *root > 0.0);
         let mut columns: Vec<DVector<f64>> = single
             .map(|(i, root)| {

@@ -27,20 +27,15 @@ pub struct Settings {
     pub start_kept: f64,
     /// How often a start is found anew at most.
     pub start_passes: usize,
-    /// Correlation time of a torque that the model does not have \[s\], where its search begins: the middle one of the horizons over
-    /// which predictions are shown. That of motors is not searched for: what they do faster or slower shows as little.
+    /// Correlation time of a torque that the model does not have \[s\]: the middle one of the horizons over which predictions
+    /// are shown. Faster ones look like noise of readings, slower ones like a bias that the filter follows.
     pub disturbance_correlation_s: f64,
-    /// Least and largest one that is searched for \[s\], and no more than a third of the run: faster torques look like noise of readings,
-    /// slower ones like a constant one.
-    pub disturbance_correlation_range_s: (f64, f64),
     /// Instants by which the start is found where disturbances are allowed: with them a start is soon forgotten.
     pub level_start_instants: usize,
     /// Passes over the first part of a long run, in which levels are found roughly, and how many instants it has.
     pub level_first_passes: usize,
     /// See there.
     pub level_first_instants: usize,
-    /// Instants by which the correlation time of a disturbance is found: two minutes at 100 Hz, some tens of correlation times.
-    pub level_timed_instants: usize,
     /// Passes in which levels are found at most.
     pub level_passes: usize,
     /// Levels stand when none changes by more than this share: the errors of a filter with a level that is so far off are
@@ -87,11 +82,9 @@ impl Default for Settings {
             start_kept: 0.01,
             start_passes: 12,
             disturbance_correlation_s: 1.0,
-            disturbance_correlation_range_s: (0.1, 30.0),
             level_start_instants: 300,
             level_first_passes: 4,
             level_first_instants: 3000,
-            level_timed_instants: 12_000,
             level_passes: 8,
             level_stands: 0.25,
             level_needed_nats: 11.2,

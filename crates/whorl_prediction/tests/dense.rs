@@ -10,12 +10,8 @@ use whorl_dynamics::{Freedom, MassProperties, PlatformModel};
 use whorl_prediction::{Disturbance, Noise, Prepared, Settings, Start, predict, smoothed};
 use whorl_recording::{Recording, VectorChannel};
 
-const DISTURBANCE: Disturbance = Disturbance {
-    stddev_b_n_m: [0.0, 0.0, 0.02],
-    motors_n_m: Vec::new(),
-    correlation_s: 0.7,
-    motors_correlation_s: 0.7,
-};
+const DISTURBANCE: Disturbance =
+    Disturbance { stddev_b_n_m: [0.0, 0.0, 0.02], motors_n_m: Vec::new(), correlation_s: 0.7 };
 
 fn turntable() -> PlatformModel {
     let mut model = PlatformModel::whorl_1_reference();

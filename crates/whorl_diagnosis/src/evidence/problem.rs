@@ -7,7 +7,6 @@ use whorl_math::vertical_b;
 use whorl_recording::{Channel, Recording};
 use whorl_trajectory::noise::typical_step_s;
 
-use crate::background::BackgroundTorque;
 use crate::bins::motion::Motion;
 use crate::bins::run::{Run, is_clamped};
 use crate::bins::torques::Torques;
@@ -16,7 +15,7 @@ use crate::evidence::nuisance::{CORRELATION_TIMES, Nuisance, STEP};
 use crate::evidence::regression::{Normal, Whitened};
 use crate::parameters::{Column, Point, Reference};
 use crate::whitening::columns::{GROUPS, LANES, Linearised, Moved, group_response, predict};
-use crate::whitening::filter::{Settings, System};
+use crate::whitening::filter::{Background, Settings, System};
 use crate::whitening::mechanics::{Mechanics, Prediction, TorqueSlope};
 use crate::{DiagnosisError, threads};
 
@@ -292,9 +291,9 @@ impl Problem {
 
     /// The slow random torque of this noise. Its sizes are counted from where it would be as much as the walk of the
     /// rate that is always expected.
-    pub fn background(&self, nuisance: Nuisance) -> BackgroundTorque {
+    pub fn background(&self, nuisance: Nuisance) -> Background {
         if nuisance.torque == 0 {
-            return BackgroundTorque::default();
+            return Background::default();
         }
         let correlation_time =
             CORRELATION_TIMES.get(usize::from(nuisance.correlation_time)).copied().unwrap_or(1.0);
@@ -303,7 +302,7 @@ impl Problem {
         let density = whorl_math::statistics::median(self.gyro_density.iter().copied());
         let least = inertia * density / self.memory_s / (2.0 * correlation_s).sqrt();
         let stddev_n_m = least * STEP.powi(i32::from(nuisance.torque));
-        BackgroundTorque { stddev_n_m, correlation_s }
+        Background { stddev_n_m, correlation_s }
     }
 
     /// Whether the slow random torque of this noise is more than background: a good part of what turns the platform.

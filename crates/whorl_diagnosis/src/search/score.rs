@@ -7,7 +7,6 @@ use whorl_prediction::{Fitted as FittedToSamples, Laws, Settings, hints};
 use whorl_recording::Recording;
 
 use crate::DiagnosisError;
-use crate::background::BackgroundTorque;
 use crate::bins::motion::Motion;
 use crate::evidence::ar_noise::{ArModels, alike};
 use crate::evidence::nuisance::Nuisance;
@@ -160,18 +159,11 @@ impl JudgedFit {
         Ok(normal)
     }
 
-    /// The slow random torque beside it: root mean square of all axes and runs, and the correlation time, of each run by its square.
-    pub fn background(&self) -> BackgroundTorque {
-        let runs = self.fitted.followed.iter().map(|run| &run.noise.disturbance);
-        let of_runs =
-            runs.map(|torque| (torque.stddev_b_n_m.iter().map(|x| x * x).sum(), torque.correlation_s));
-        let (squares, times) =
-            of_runs.fold((0.0, 0.0), |sum: (f64, f64), of: (f64, f64)| (sum.0 + of.0, sum.1 + of.0 * of.1));
-        if squares == 0.0 {
-            return BackgroundTorque::default();
-        }
-        let numbers = (3 * self.fitted.followed.len()) as f64;
-        BackgroundTorque { stddev_n_m: (squares / numbers).sqrt(), correlation_s: times / squares }
+    /// Standard deviation of the slow random torque beside it, root mean square of all axes and runs [N m].
+    pub fn torque_n_m(&self) -> f64 {
+        let runs = &self.fitted.followed;
+        let squares = runs.iter().flat_map(|run| run.noise.disturbance.stddev_b_n_m).map(|x| x * x);
+        (squares.sum::<f64>() / (3 * runs.len()).max(1) as f64).sqrt()
     }
 }
 

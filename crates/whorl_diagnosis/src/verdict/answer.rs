@@ -6,8 +6,7 @@ use whorl_dynamics::effects::find;
 use whorl_math::statistics::median;
 use whorl_recording::{Channel, Component, Recording};
 
-use crate::background::BackgroundTorque;
-use crate::diagnosis::{Candidate, Explanation, NoiseScale, SlowResidual, Unknown};
+use crate::diagnosis::{BackgroundTorque, Candidate, Explanation, NoiseScale, SlowResidual, Unknown};
 use crate::evidence::problem::{Dataset, Problem};
 use crate::evidence::regression::BLOCKS_PER_RUN;
 use crate::explanations::hypothesis::Hypothesis;
@@ -51,17 +50,10 @@ impl Search<'_> {
         self.admissible().map(weighted).collect()
     }
 
-    /// The slow random torque beside a set: what the samples show, or bins where they were not asked.
-    pub(crate) fn background(&self, set: &Converged) -> BackgroundTorque {
-        match &set.judged {
-            Some(judged) => judged.fit.background(),
-            None => self.problem.background(set.score.nuisance),
-        }
-    }
-
-    /// A slow random torque that is more than background.
+    /// A slow random torque that is more than background: what the samples show beside a set, or bins where they were not asked.
     pub(crate) fn large_background(&self, set: &Converged) -> Option<Unknown> {
-        let stddev_n_m = self.background(set).stddev_n_m;
+        let of_bins = || self.problem.background(set.score.nuisance).stddev_n_m;
+        let stddev_n_m = set.judged.as_ref().map_or_else(of_bins, |judged| judged.fit.torque_n_m());
         self.problem.is_large_torque(stddev_n_m).then(|| Unknown::torque_in_time(stddev_n_m))
     }
 
@@ -302,7 +294,7 @@ impl Search<'_> {
             _ => self.kind(),
         };
         let score = self.score(&self.best);
-        let background = self.fitted(&self.best).map(|set| self.background(set)).unwrap_or_default();
+        let background = score.map(|s| self.problem.background(s.nuisance)).unwrap_or_default();
         Ok(Diagnosis {
             schema: SCHEMA,
             verdict,
@@ -310,7 +302,10 @@ impl Search<'_> {
             confounded_with: sets.into_iter().skip(1).collect(),
             effects,
             explanations,
-            background,
+            background: BackgroundTorque {
+                stddev_n_m: background.stddev_n_m,
+                correlation_s: background.correlation_s,
+            },
             formula_error: score.map_or(0.0, |s| s.relative_error),
             noise,
             unknown,

@@ -24,7 +24,6 @@ impl Search<'_> {
         all.extend(posterior.laws.iter().map(|law| FittedSet {
             effects: law.effects.clone(),
             unmodelled: law.unknown.clone(),
-            background: None,
             parameters: Vec::new(),
             log_evidence: law.log_posterior - log_prior(&law.effects, &self.options.settings),
             log_evidence_bins: None,
@@ -72,7 +71,6 @@ impl Search<'_> {
         FittedSet {
             effects: set.names.clone(),
             unmodelled: self.large_background(set),
-            background: Some(self.background(set)),
             parameters,
             log_evidence: set.score.worth(settings),
             log_evidence_bins: self.of_bins.get(&set.names).copied(),

@@ -7,8 +7,7 @@ use super::ascent::{Ascent, End};
 use super::problem::{Iterate, Problem, runs_of};
 use crate::error::PredictionError;
 use crate::fitted::LARGEST_MISFIT;
-use crate::levels::Followed;
-use crate::moments::stands;
+use crate::levels::{Followed, stands};
 
 /// Where a search ended.
 pub(super) struct Settled {

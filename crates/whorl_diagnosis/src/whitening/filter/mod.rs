@@ -17,7 +17,6 @@ mod square;
 use nalgebra::Vector3;
 use whorl_recording::Component;
 
-use crate::background::BackgroundTorque;
 use crate::bins::motion::Motion;
 use crate::bins::run::Run;
 use crate::whitening::mechanics::{Mechanics, Prediction};
@@ -36,6 +35,16 @@ pub(crate) const WHEEL: usize = 12;
 /// Room for all states: of eight wheels, a torque and hidden states of two effects.
 pub(crate) const MOST_STATES: usize = 32;
 
+/// An unmodelled slow random torque: a first-order Markov process (an Ornstein-Uhlenbeck process; Gelb 1974,
+/// section 3.8).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Background {
+    /// Standard deviation [N m]; 0 = there is none.
+    pub stddev_n_m: f64,
+    /// Time over which it forgets itself \[s\].
+    pub correlation_s: f64,
+}
+
 /// How the filter is set.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Settings {
@@ -44,7 +53,7 @@ pub(crate) struct Settings {
     /// Intensity of a random-walk torque state [N m/sqrt(s)]; 0 = no such state.
     pub torque_walk: f64,
     /// A slow random torque.
-    pub background: BackgroundTorque,
+    pub background: Background,
     /// Torque noise of the wheels [N m sqrt(s)].
     pub wheel_noise: f64,
     /// Least random walk of the gyro's bias [rad/s/sqrt(s)].
