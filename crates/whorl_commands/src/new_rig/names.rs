@@ -328,10 +328,11 @@ mod tests {
     /// What `whorl export csv` calls its columns: exported by one rig, they are read by another.
     #[test]
     fn names_of_exported_columns_are_read() {
-        let wheels = ["wheel_x", "wheel_y", "wheel_z"].map(str::to_owned);
+        let [wheels, jets] = [["wheel_x", "wheel_y", "wheel_z"], ["jet_1", "jet_2", "jet_3"]];
         let is_gimbals = |channel: &Channel| matches!(channel.info().form, whorl_bag::Form::Gimbals { .. });
         for channel in Channel::ALL.iter().copied().filter(|channel| !is_gimbals(channel)) {
-            for name in whorl_recording::column_names(channel, 0, 3, &wheels) {
+            let given = if channel == Channel::Jets { jets } else { wheels }.map(str::to_owned);
+            for name in whorl_recording::column_names(channel, 0, 3, &given) {
                 assert_eq!(named(&name).meaning, Some(Is(channel)), "{name}");
             }
         }
