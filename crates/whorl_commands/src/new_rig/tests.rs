@@ -258,6 +258,33 @@ fn a_wheels_inertia_is_torque_over_acceleration() {
     is_taken(&made, &folder.path().join("hand.csv"));
 }
 
+/// Three wheels of 0.02 kg m^2, columns as `whorl export csv` names them: a body that turns against them is heavier.
+#[test]
+fn wheels_of_a_platform_are_no_heavier_than_its_body() {
+    let mut noise = Noise(11);
+    let mut text = "time_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,wheel_x_rad_s,wheel_y_rad_s,wheel_z_rad_s,\
+                    wheel_x_n_m,wheel_y_n_m,wheel_z_n_m\n"
+        .to_owned();
+    let mut speed = Vector3::zeros();
+    for k in 0..4000 {
+        let t = f64::from(k) / 100.0;
+        let torque = Vector3::new(0.02, 0.03, 0.025).map(|size| size * (15.0 * size * t).sin());
+        let rate = -0.004 * speed + noise.vector(1e-3);
+        let read = speed + noise.vector(0.05);
+        let numbers = rate.iter().chain(&read).chain(&torque).map(|x| format!("{x:.5}"));
+        let _ = writeln!(text, "{t:.2},{}", numbers.collect::<Vec<_>>().join(","));
+        speed += torque / 0.02 / 100.0;
+    }
+    let (made, folder) = of_text(&text, &mut Nobody);
+    let (map, _) = line(&made, "wheel_torque_command: {");
+    assert!(map.contains("columns: [wheel_x_n_m, wheel_y_n_m, wheel_z_n_m], unit: N m"), "{map}");
+    let (spin, origin) = line(&made, "spin_inertia_kg_m2: ");
+    let found: f64 = spin.split_once(": ").unwrap().1.parse().unwrap();
+    assert!((found / 0.02 - 1.0).abs() < 0.05 && origin == Origin::Measured, "{spin}");
+    let recording = is_taken(&made, &folder.path().join("hand.csv"));
+    assert_eq!(recording.wheel_speed_rad_s.value[0].len(), 3);
+}
+
 /// A hinge with an encoder of 4096 counts and nothing else.
 #[test]
 fn an_encoder_alone_is_a_hinge() {

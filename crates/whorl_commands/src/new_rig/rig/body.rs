@@ -9,7 +9,7 @@ use crate::new_rig::measure::Measured;
 use crate::new_rig::questions::{Ask, positive};
 
 /// A wheel that nobody weighed: its share of the body's inertia \[1\].
-const WHEEL_SHARE: f64 = 0.01;
+pub(super) const WHEEL_SHARE: f64 = 0.01;
 /// A centre of mass that nobody measured is this far off, standard deviation \[m\].
 const ARM_M: f64 = 0.01;
 /// A hinge this close to level or upright is so \[1\].

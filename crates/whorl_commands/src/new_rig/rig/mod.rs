@@ -90,8 +90,13 @@ pub fn lines(name: &str, parts: &Parts, seen: &Measured, ask: &mut dyn Ask) -> L
     let hinge = hinge_axis(parts);
     let (axis, letter) = (hinge.map_or(2, |(axis, _)| axis), hinge.map_or('z', |(_, letter)| letter));
     let mut mass = Sourced::new(MASS_KG, Origin::Assumed, "weigh it");
-    let mut inertia =
-        Sourced::new([INERTIA_KG_M2; 3], Origin::Assumed, "weigh it, or take it from the drawings");
+    // A body turns against its wheels: it is heavier than they are.
+    let beside_wheels = seen.wheel_inertia_kg_m2.map_or(0.0, |wheel| wheel / body::WHEEL_SHARE);
+    let mut inertia = Sourced::new(
+        [INERTIA_KG_M2.max(beside_wheels); 3],
+        Origin::Assumed,
+        "weigh it, or take it from the drawings",
+    );
     if kind != "clamped" {
         mass = positive(ask, "Mass of what turns [kg]", mass);
         inertia = moments(ask, "Its inertia about x, y, z [kg m^2]", inertia);
