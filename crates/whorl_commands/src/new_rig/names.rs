@@ -1,6 +1,6 @@
 //! What column names say: the quantity, its axis, its unit.
 
-use whorl_bag::Channel;
+use whorl_bag::{Channel, Form};
 
 /// What a column seems to be.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -237,11 +237,13 @@ pub fn named(column: &str) -> Named {
     Named { column: column.to_owned(), stem: words.join(" "), axis, unit, meaning }
 }
 
-/// What a name stands for whose unit tells more: `wheel_x_n_m` is no speed. `None` where the unit is one of other quantities.
+/// What a name stands for whose unit tells more: `wheel_x_n_m` is no speed. `None` where the unit is one of other quantities. A direction
+/// may be in any unit: magnetometers measure in gauss.
 fn in_unit(meaning: Meaning, unit: Option<&str>) -> Option<Meaning> {
     let (Is(channel), Some(unit)) = (meaning, unit) else { return Some(meaning) };
     let has = |channel: &Channel| channel.info().units.iter().any(|known| known.name == unit);
-    if has(&channel) || channel.info().units.is_empty() || !Channel::ALL.iter().any(has) {
+    let is_any = channel.info().units.is_empty() || channel.info().form == Form::Directions;
+    if is_any || has(&channel) || !Channel::ALL.iter().any(has) {
         return Some(meaning);
     }
     let form = |channel: &Channel| std::mem::discriminant(&channel.info().form);
@@ -329,7 +331,7 @@ mod tests {
     #[test]
     fn names_of_exported_columns_are_read() {
         let [wheels, jets] = [["wheel_x", "wheel_y", "wheel_z"], ["jet_1", "jet_2", "jet_3"]];
-        let is_gimbals = |channel: &Channel| matches!(channel.info().form, whorl_bag::Form::Gimbals { .. });
+        let is_gimbals = |channel: &Channel| matches!(channel.info().form, Form::Gimbals { .. });
         for channel in Channel::ALL.iter().copied().filter(|channel| !is_gimbals(channel)) {
             let given = if channel == Channel::Jets { jets } else { wheels }.map(str::to_owned);
             for name in whorl_recording::column_names(channel, 0, 3, &given) {
@@ -370,6 +372,8 @@ mod tests {
             ("rw_2_a", Some(Is(Channel::WheelCurrent)), Some(Axis::Number(2)), Some("A")),
             ("gyro_temperature_degc", Some(Is(Channel::Temperature)), None, Some("degC")),
             ("gyro_degc", None, None, Some("degC")),
+            ("mag_x_g", Some(Is(Channel::Vector)), Some(Axis::Body(0)), Some("g")),
+            ("Mag Y (mG)", Some(Is(Channel::Vector)), Some(Axis::Body(1)), Some("mg")),
             ("torque_x_a", Some(Is(Channel::WheelCurrent)), Some(Axis::Body(0)), Some("A")),
         ] {
             let found = named(column);
