@@ -46,21 +46,12 @@ impl Search<'_> {
     /// The same from the sums of the samples beside the best set.
     fn row_of_samples(&self, beside: &Beside, id: &str) -> Option<Candidate> {
         let entry = beside.entry(id, &self.options.settings)?;
-        let reference = &self.problem.reference;
         let covariance = entry.estimate.covariance();
         let parameter = |i: &usize| {
             let column = beside.columns.get(*i)?;
             let at = entry.estimate.active.iter().position(|active| active == i)?;
-            let stddev = covariance[(at, at)].max(0.0).sqrt() * column.scale;
-            let units = beside.at.get(*i)? + entry.estimate.value[at];
-            Some(ParameterEstimate {
-                name: column.name.clone(),
-                unit: column.unit.to_owned(),
-                estimate: reference.counted_from(&reference.point(), column) + units * column.scale,
-                stddev,
-                at_bound: column.is_at_bound(units),
-                smallest_detectable: 5.0 * stddev,
-            })
+            let stddev = covariance[(at, at)].max(0.0).sqrt();
+            Some(self.estimate_of(column, beside.at.get(*i)? + entry.estimate.value[at], stddev))
         };
         let base: Vec<usize> = beside.own.iter().copied().filter(|i| !entry.columns.contains(i)).collect();
         let variance = |i: usize| beside.stddevs[i].powi(2);
@@ -111,7 +102,8 @@ impl Search<'_> {
         })
     }
 
-    /// Share of a drop of the misfit in what the best set brings, in the same measure, and what it leaves.
+    /// Share of a drop of the misfit in what the best set brings and what it leaves, each with the noise that it leaves; both in the bins,
+    /// of which a row of the samples is a share too.
     fn share_of_excess(&self, drop: f64) -> f64 {
         let rows = self.data.total.rows;
         // Where nothing is named, what is within chance is no excess.

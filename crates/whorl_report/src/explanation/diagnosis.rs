@@ -102,7 +102,7 @@ fn candidates(page: &mut Document, diagnosis: &Diagnosis) {
     page.paragraph(
         "rule",
         "Log evidence: gained by adding the effect to the chosen set, or, for a member of the set, lost by removing it. Held out: log likelihood gained \
-         on data that took no part in the fit. Swallowed: share of its signal that refitting inertia and centre of mass would hide. \
+         on data that took no part in the fit, where it was fitted. Swallowed: share of its signal that refitting inertia and centre of mass would hide. \
          Detectability: drop of the misfit in units of noise; below 25 nothing can be said.",
     );
     let named = |c: &Candidate| {
