@@ -93,6 +93,32 @@ pub enum BagError {
         /// What is wrong.
         source: mcap::McapError,
     },
+    /// More than is read of a file that somebody else wrote.
+    #[error(
+        "{}: {what} has {} MB; allowed: up to {} MB. A file with smaller chunks, as `ros2 bag convert` writes it, is read",
+        path.display(), bytes.div_ceil(1 << 20), allowed >> 20
+    )]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// What is too large.
+        what: &'static str,
+        /// How large it is.
+        bytes: u64,
+        /// How large it may be.
+        allowed: u64,
+    },
+    /// More messages outside chunks than are listed.
+    #[error(
+        "{} has more than {allowed} messages outside chunks: `ros2 bag convert` writes them into chunks",
+        path.display()
+    )]
+    TooManyMessages {
+        /// The file.
+        path: PathBuf,
+        /// How many it may have.
+        allowed: usize,
+    },
     /// A time that a bag cannot hold (they count nanoseconds from the epoch, unsigned).
     #[error("time {time_ns} ns on {topic} lies before the epoch")]
     BeforeEpoch {

@@ -14,6 +14,7 @@
 
 mod background;
 mod channels;
+mod compression;
 mod csv;
 mod error;
 pub mod extra;
@@ -35,7 +36,6 @@ mod units;
 mod utc;
 mod writer;
 mod yaml;
-mod zstandard;
 
 pub use background::BackgroundRunWriter;
 pub use channels::{AXES, Carrier, Channel, ChannelInfo, Form, Place, blank};

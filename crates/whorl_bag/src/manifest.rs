@@ -221,7 +221,7 @@ impl Manifest {
     /// [`BagError::NotFound`]; as [`Self::from_yaml`].
     pub fn read(run: &Path) -> Result<Self, BagError> {
         let path = run.join(MANIFEST_FILE);
-        let text = whorl_params::read_text(&path).map_err(|e| BagError::io("cannot read", &path, e))?;
+        let text = whorl_files::read_text(&path).map_err(|e| BagError::io("cannot read", &path, e))?;
         Self::from_yaml(&path, &text)
     }
 

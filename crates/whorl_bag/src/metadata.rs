@@ -140,13 +140,9 @@ pub(crate) fn both(a: (u64, u64), b: (u64, u64)) -> (u64, u64) {
     (a.0.min(b.0), a.1.max(b.1))
 }
 
-/// Writes a file beside its target and renames it, so that a reader sees the old or the new one.
+/// Replaces a file, see [`whorl_files::write_file`].
 pub(crate) fn replace_file(path: &Path, bytes: &[u8]) -> Result<(), BagError> {
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".new");
-    let beside = PathBuf::from(beside);
-    std::fs::write(&beside, bytes).map_err(|e| BagError::io("cannot write", &beside, e))?;
-    std::fs::rename(&beside, path).map_err(|e| BagError::io("cannot write", path, e))
+    whorl_files::write_file(path, bytes).map_err(|e| BagError::io("cannot write", path, e))
 }
 
 /// The `.mcap` files of a bag directory, in order.
@@ -158,7 +154,7 @@ pub(crate) fn mcap_files(bag: &Path) -> Result<Vec<PathBuf>, BagError> {
 /// whatever stands beside them.
 pub(crate) fn files_and_doubt(bag: &Path) -> Result<(Vec<PathBuf>, Option<String>), BagError> {
     let path = bag.join(METADATA_FILE);
-    let wrong = match whorl_params::read_text(&path) {
+    let wrong = match whorl_files::read_text(&path) {
         Ok(text) => match files_of_metadata(bag, &path, &text) {
             Ok(files) => return Ok((files, None)),
             Err(wrong) => wrong,
@@ -199,7 +195,7 @@ fn begins_as_mcap(file: &Path) -> bool {
 
 /// Whether metadata name this file.
 fn is_listed(metadata: &Path, file: &Path) -> bool {
-    let text = std::fs::read_to_string(metadata).unwrap_or_default();
+    let text = whorl_files::read_text(metadata).unwrap_or_default();
     file.file_name().is_some_and(|name| text.contains(&*name.to_string_lossy()))
 }
 

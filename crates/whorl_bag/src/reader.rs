@@ -10,10 +10,13 @@ use mcap::sans_io::{IndexedReadEvent, IndexedReader, IndexedReaderOptions};
 use whorl_msgs::Message;
 use whorl_node::Timestamp;
 
+use crate::compression::Zstandard;
 use crate::metadata::{both, files_and_doubt};
 use crate::scan::{Contents, Integrity, LooseMessage, RECORD_LIMIT};
-use crate::zstandard::Zstandard;
 use crate::{BagError, BagFile, BagMetadata, BagTopic};
+
+/// Chunks that overlap in time are held together, up to so many bytes, decoded: recorders write one after the other.
+const MOST_AT_ONCE: u64 = 1 << 30;
 
 /// A bag, opened for reading: recorded by Whorl, or by `ros2 bag record` with the mcap storage.
 ///
@@ -258,6 +261,10 @@ pub(crate) struct FileMessages {
     topics: HashMap<u16, Arc<BagTopic>>,
     chunked: IndexedReader,
     buffer: Vec<u8>,
+    /// Decoded size of each chunk by where its data begins.
+    sizes: HashMap<u64, u64>,
+    /// Bytes of chunks, decoded, since the last message.
+    decoded: u64,
     /// The next message from a chunk, or why there is none.
     head: Option<Result<RecordedMessage, BagError>>,
     loose: VecDeque<LooseMessage>,
@@ -304,6 +311,8 @@ impl FileMessages {
             topics,
             chunked,
             buffer: Vec::new(),
+            sizes: contents.summary.chunk_indexes.iter().filter_map(size_of).collect(),
+            decoded: 0,
             head: None,
             loose: contents.loose.into(),
         };
@@ -343,6 +352,15 @@ impl FileMessages {
         while let Some(event) = self.chunked.next_event() {
             match event.map_err(BagError::mcap(&self.path))? {
                 IndexedReadEvent::ReadChunkRequest { offset, length } => {
+                    self.decoded += self.sizes.get(&offset).copied().unwrap_or(0);
+                    if self.decoded > MOST_AT_ONCE {
+                        return Err(BagError::TooLarge {
+                            path: self.path.clone(),
+                            what: "what has to be sorted by time",
+                            bytes: self.decoded,
+                            allowed: MOST_AT_ONCE,
+                        });
+                    }
                     self.buffer.resize(length, 0);
                     self.file
                         .seek(SeekFrom::Start(offset))
@@ -354,6 +372,7 @@ impl FileMessages {
                 }
                 IndexedReadEvent::Message { header, data } => {
                     if let Some(topic) = self.topics.get(&header.channel_id) {
+                        self.decoded = 0;
                         return Ok(Some(recorded(&header, topic, data.to_vec())));
                     }
                 }
@@ -376,6 +395,10 @@ impl FileMessages {
     }
 }
 
+fn size_of(chunk: &mcap::records::ChunkIndex) -> Option<(u64, u64)> {
+    Some((chunk.compressed_data_offset().ok()?, chunk.uncompressed_size))
+}
+
 fn recorded(header: &mcap::records::MessageHeader, topic: &Arc<BagTopic>, cdr: Vec<u8>) -> RecordedMessage {
     RecordedMessage {
         log_time: signed(header.log_time),
@@ -387,7 +410,7 @@ fn recorded(header: &mcap::records::MessageHeader, topic: &Arc<BagTopic>, cdr: V
 }
 
 pub(crate) fn open_contents(path: &Path) -> Result<(File, Contents), BagError> {
-    let mut file = whorl_params::open_file(path).map_err(|e| BagError::io("cannot open", path, e))?;
+    let mut file = whorl_files::open_file(path).map_err(|e| BagError::io("cannot open", path, e))?;
     let contents = Contents::read(path, &mut file)?;
     Ok((file, contents))
 }

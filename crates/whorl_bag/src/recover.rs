@@ -1,11 +1,11 @@
 //! Completes a bag whose writer was killed.
 
-use std::fs::File;
 use std::io::BufWriter;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use mcap::records::MessageHeader;
+use whorl_files::NewFile;
 
 use crate::metadata::mcap_files;
 use crate::reader::{FileMessages, MessageFilter, open_contents, topic_of};
@@ -55,28 +55,20 @@ pub fn recover(bag: &Path) -> Result<Recovery, BagError> {
 
 /// Copies the readable messages, in the order of their log time, and takes the original's place. Returns their number.
 fn rewrite(path: &Path) -> Result<u64, BagError> {
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".recovering");
-    let beside = PathBuf::from(beside);
-    let result = copy(path, &beside).and_then(|messages| {
-        std::fs::rename(&beside, path).map_err(|e| BagError::io("cannot replace", path, e))?;
-        Ok(messages)
-    });
-    if result.is_err() {
-        let _ = std::fs::remove_file(&beside);
-    }
-    result
+    let mut file = NewFile::create(path).map_err(|e| BagError::io("cannot create", path, e))?;
+    let messages = copy(path, &mut file)?;
+    file.finish().map_err(|e| BagError::io("cannot replace", path, e))?;
+    Ok(messages)
 }
 
-fn copy(from: &Path, to: &Path) -> Result<u64, BagError> {
-    let contents = open_contents(from)?.1;
-    let output = File::create(to).map_err(|e| BagError::io("cannot create", to, e))?;
+fn copy(path: &Path, to: &mut NewFile) -> Result<u64, BagError> {
+    let contents = open_contents(path)?.1;
     let mut writer = mcap::WriteOptions::new()
         .profile("ros2")
         .library(concat!("whorl ", env!("CARGO_PKG_VERSION")))
         .compression(None)
-        .create(BufWriter::new(output))
-        .map_err(BagError::mcap(to))?;
+        .create(BufWriter::new(to))
+        .map_err(BagError::mcap(path))?;
     let mut channels: Vec<_> = contents.summary.channels.values().collect();
     channels.sort_by_key(|channel| channel.id);
     let mut topics: Vec<Arc<BagTopic>> = Vec::new();
@@ -85,20 +77,20 @@ fn copy(from: &Path, to: &Path) -> Result<u64, BagError> {
             continue;
         }
         let schema = match &channel.schema {
-            Some(schema) => {
-                writer.add_schema(&schema.name, &schema.encoding, &schema.data).map_err(BagError::mcap(to))?
-            }
+            Some(schema) => writer
+                .add_schema(&schema.name, &schema.encoding, &schema.data)
+                .map_err(BagError::mcap(path))?,
             None => 0,
         };
         let id = writer
             .add_channel(schema, &channel.topic, &channel.message_encoding, &channel.metadata)
-            .map_err(BagError::mcap(to))?;
+            .map_err(BagError::mcap(path))?;
         // Channels are numbered from 1 in the order in which they are added.
         debug_assert_eq!(usize::from(id), topics.len() + 1);
         topics.push(Arc::new(topic_of(channel, 0)));
     }
     let mut count = 0;
-    let mut messages = FileMessages::open(from.to_owned(), &MessageFilter::default(), &topics)?;
+    let mut messages = FileMessages::open(path.to_owned(), &MessageFilter::default(), &topics)?;
     while let Some(message) = messages.next() {
         let message = message?;
         let Some(index) = topics.iter().position(|topic| Arc::ptr_eq(topic, &message.topic)) else {
@@ -111,9 +103,9 @@ fn copy(from: &Path, to: &Path) -> Result<u64, BagError> {
             log_time: time(message.log_time),
             publish_time: time(message.publish_time),
         };
-        writer.write_to_known_channel(&header, &message.cdr).map_err(BagError::mcap(to))?;
+        writer.write_to_known_channel(&header, &message.cdr).map_err(BagError::mcap(path))?;
         count += 1;
     }
-    writer.finish().map_err(BagError::mcap(to))?;
+    writer.finish().map_err(BagError::mcap(path))?;
     Ok(count)
 }

@@ -109,6 +109,12 @@ impl RunDirectory {
         if self.bag.is_file() {
             return Ok(Recovery::default());
         }
+        // Of a run out of an archive it may lead anywhere.
+        if self.bag != self.path && self.bag.is_symlink() {
+            let why =
+                std::io::Error::other("it is a link: only a recording in its own run directory is repaired");
+            return Err(BagError::io("cannot repair", &self.bag, why));
+        }
         let recovery = recover(&self.bag)?;
         let Some(mut manifest) = self.manifest.take() else { return Ok(recovery) };
         if manifest.state == RunState::Recording {

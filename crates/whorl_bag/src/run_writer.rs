@@ -9,6 +9,7 @@ use whorl_node::Timestamp;
 
 use crate::layout::{BAG_DIRECTORY, PARAMETER_DIRECTORY};
 use crate::manifest::{MANIFEST_FILE, Manifest, ParameterFile, RunDescription, RunState};
+use crate::metadata::replace_file;
 use crate::statistics::{TopicStatistics, WriterId, expected_rate_hz};
 use crate::summary::{manifest_summary, update_summary};
 use crate::utc::utc;
@@ -185,7 +186,7 @@ impl RunWriter {
         if let Some(parent) = path.parent() {
             std::fs::create_dir_all(parent).map_err(|e| BagError::io("cannot create", parent, e))?;
         }
-        std::fs::write(&path, bytes).map_err(|e| BagError::io("cannot write", &path, e))?;
+        replace_file(&path, bytes)?;
         self.manifest.parameters.push(ParameterFile {
             file: format!("{PARAMETER_DIRECTORY}/{}", stored.display()),
             source: source.to_owned(),

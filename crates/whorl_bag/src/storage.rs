@@ -50,9 +50,7 @@ impl Reserve {
     /// Without the reserve a full disk costs the index, which can be rebuilt: so failing is not an error.
     pub fn set_aside(directory: &Path) -> Self {
         let path = directory.join(Self::FILE);
-        if std::fs::write(&path, vec![0; Self::BYTES]).is_err() {
-            let _ = std::fs::remove_file(&path);
-        }
+        let _ = whorl_files::write_file(&path, vec![0; Self::BYTES]);
         Self { path }
     }
 }

@@ -30,7 +30,7 @@ pub(crate) fn manifest_summary(manifest: &Manifest) -> Map<String, Value> {
 
 pub(crate) fn read_summary(run: &Path) -> Result<Map<String, Value>, BagError> {
     let path = run.join(SUMMARY_FILE);
-    let text = match whorl_params::read_text(&path) {
+    let text = match whorl_files::read_text(&path) {
         Ok(text) => text,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Map::new()),
         Err(e) => return Err(BagError::io("cannot read", &path, e)),

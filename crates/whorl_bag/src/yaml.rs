@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use saphyr::{LoadableYamlNode, Yaml};
+use saphyr_parser::{Event, Parser};
 
 use crate::BagError;
 
@@ -79,7 +80,7 @@ impl YamlWriter {
 
     /// Lines that should be YAML already, indented; as a text where they are not.
     pub fn block(&mut self, key: &str, yaml: &str) {
-        if Yaml::load_from_str(yaml).is_err() {
+        if too_much(yaml).is_some() || Yaml::load_from_str(yaml).is_err() {
             return self.text(key, yaml);
         }
         let _ = writeln!(self.text, "{:1$}{key}:", "", self.indent);
@@ -118,8 +119,39 @@ pub(crate) fn number(value: f64) -> String {
     }
 }
 
+/// Deeper nesting than any of these files has.
+const DEEPEST: usize = 64;
+/// More values: a bag of a thousand topics has some ten thousand.
+const MOST_VALUES: usize = 500_000;
+
+/// Why a text is not even loaded. Aliases (`*name`) are refused because ten lines of them make gigabytes.
+fn too_much(text: &str) -> Option<String> {
+    let (mut depth, mut values) = (0usize, 0usize);
+    for event in Parser::new_from_str(text) {
+        // What is no YAML is told when it is loaded.
+        let Ok((event, _)) = event else { return None };
+        match event {
+            Event::SequenceStart(..) | Event::MappingStart(..) => depth += 1,
+            Event::SequenceEnd | Event::MappingEnd => depth = depth.saturating_sub(1),
+            Event::Alias(_) => return Some("it has aliases (*name), which are not allowed".to_owned()),
+            Event::Scalar(..) => values += 1,
+            _ => {}
+        }
+        if depth > DEEPEST {
+            return Some(format!("it is nested deeper than {DEEPEST} levels"));
+        }
+        if values > MOST_VALUES {
+            return Some(format!("it has more than {MOST_VALUES} values"));
+        }
+    }
+    None
+}
+
 /// The first document of a file.
 pub(crate) fn load<'a>(path: &Path, text: &'a str) -> Result<Yaml<'a>, BagError> {
+    if let Some(reason) = too_much(text) {
+        return Err(BagError::Metadata { path: path.to_owned(), reason });
+    }
     let documents = Yaml::load_from_str(text)
         .map_err(|error| BagError::Metadata { path: path.to_owned(), reason: error.to_string() })?;
     documents
@@ -163,5 +195,20 @@ mod tests {
         assert_eq!(items[1].as_mapping_get("tags").unwrap().as_sequence().unwrap()[1].as_str(), Some("- y"));
         assert_eq!(find(&root, &["group", "none"]).unwrap().as_sequence().unwrap().len(), 0);
         assert!(load(Path::new("x"), "").is_err() && load(Path::new("x"), "a: [").is_err());
+    }
+
+    #[test]
+    fn a_text_that_would_become_gigabytes_is_not_loaded() {
+        let refused = |text: &str| load(Path::new("x"), text).unwrap_err().to_string();
+        let mut aliases = "a0: &a0 [1,1]\n".to_owned();
+        for i in 1..40 {
+            aliases += &format!("a{i}: &a{i} [*a{0},*a{0}]\n", i - 1);
+        }
+        assert!(refused(&aliases).contains("aliases"));
+        assert!(refused(&format!("x: {}1{}", "[".repeat(100), "]".repeat(100))).contains("deeper than 64"));
+        assert!(refused(&format!("x: [{}]", "1,".repeat(500_001))).contains("more than 500000 values"));
+        let mut yaml = YamlWriter::default();
+        yaml.block("qos", &aliases);
+        assert!(load(Path::new("x"), &yaml.finish()).is_ok(), "kept as a text");
     }
 }

@@ -278,7 +278,7 @@ fn stored(pattern: &str, none: impl Fn(glob::PatternError) -> io::Error) -> io::
 fn manifest_of(address: &str) -> io::Result<Option<TempDir>> {
     let Some(manifest) = Place::open(Path::new(address))?.get(MANIFEST_FILE)? else { return Ok(None) };
     let folder = tempfile::tempdir()?;
-    std::fs::write(folder.path().join(MANIFEST_FILE), manifest)?;
+    whorl_files::write_file(&folder.path().join(MANIFEST_FILE), manifest)?;
     Ok(Some(folder))
 }
 

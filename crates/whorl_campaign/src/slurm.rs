@@ -110,7 +110,7 @@ impl Job {
         };
         fs::create_dir_all(&self.folder).map_err(io("create", &self.folder))?;
         let script = self.folder.join("part.sh");
-        fs::write(&script, self.script()).map_err(io("write", &script))?;
+        whorl_files::write_file(&script, self.script()).map_err(io("write", &script))?;
         let numbers: Vec<u64> = parts.iter().map(|part| part.number()).collect();
         let mut command = Command::new("sbatch");
         command
@@ -135,7 +135,7 @@ impl Job {
             });
         }
         let path = self.number_file();
-        fs::write(&path, format!("{number}\n")).map_err(io("write", &path))?;
+        whorl_files::write_file(&path, format!("{number}\n")).map_err(io("write", &path))?;
         Ok(number)
     }
 }

@@ -116,7 +116,7 @@ type Parameters = BTreeMap<(String, String), String>;
 
 fn effective(run: &Path) -> Option<Parameters> {
     let tree = report::effective_parameters(run)?;
-    let text = whorl_params::read_text(&run.join("params/effective.yaml")).ok()?;
+    let text = whorl_files::read_text(&run.join("params/effective.yaml")).ok()?;
     let nodes = text.lines().filter_map(|line| line.strip_suffix(':').filter(|name| name.starts_with('/')));
     Some(parameters(&tree, nodes))
 }

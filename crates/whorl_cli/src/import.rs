@@ -156,7 +156,9 @@ fn answer(
     path: &Path,
 ) -> anyhow::Result<()> {
     let copy = path.join("channels.yaml");
-    std::fs::copy(&arguments.channels, &copy).with_context(|| format!("cannot write {}", copy.display()))?;
+    let map = whorl_files::read_text(&arguments.channels)
+        .with_context(|| format!("cannot read {}", arguments.channels.display()))?;
+    whorl_files::write_file(&copy, map).with_context(|| format!("cannot write {}", copy.display()))?;
     say!("run directory: {}", path.display());
     arguments.json.write(|| {
         Ok(json!({
@@ -168,7 +170,7 @@ fn answer(
 
 fn sha256(path: &Path) -> anyhow::Result<String> {
     let unreadable = || format!("cannot read {}", path.display());
-    let mut file = whorl_params::open_file(path).with_context(unreadable)?;
+    let mut file = whorl_files::open_file(path).with_context(unreadable)?;
     let (mut digest, mut part) = (Sha256::new(), vec![0; 1 << 16]);
     loop {
         match file.read(&mut part).with_context(unreadable)? {

@@ -43,7 +43,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     for (file, content) in &missing {
         let folder = file.parent().unwrap_or(Path::new("."));
         std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
-        std::fs::write(file, content).with_context(|| format!("cannot write {}", file.display()))?;
+        whorl_files::write_file(file, content).with_context(|| format!("cannot write {}", file.display()))?;
     }
     match missing.len() {
         0 => say!("{} has all {} parameter files already", params.display(), FILES.len()),

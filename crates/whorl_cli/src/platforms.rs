@@ -184,11 +184,11 @@ fn sections(text: &str) -> Vec<String> {
 }
 
 fn read(path: &Path) -> anyhow::Result<String> {
-    whorl_params::read_text(path).with_context(|| format!("cannot read {}", path.display()))
+    whorl_files::read_text(path).with_context(|| format!("cannot read {}", path.display()))
 }
 
 fn write(path: &Path, text: &str) -> anyhow::Result<()> {
-    std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
+    whorl_files::write_file(path, text).with_context(|| format!("cannot write {}", path.display()))
 }
 
 #[cfg(test)]

@@ -38,7 +38,8 @@ pub fn write(
     }
     if !out.exists() {
         let source = runs.known.files.last().context("there is no parameter file to start from")?;
-        std::fs::copy(source, out).with_context(|| format!("cannot write {}", out.display()))?;
+        let text = whorl_files::read_text(source).with_context(|| format!("cannot read {}", source.display()))?;
+        whorl_files::write_file(out, text).with_context(|| format!("cannot write {}", out.display()))?;
     }
     write_effects(out, adoption, provenance)?;
     let written = model_file::write_step(out, &runs.known, &changes, adoption.step(provenance), now)?;
@@ -63,7 +64,7 @@ fn write_effects(out: &Path, adoption: &Adoption, provenance: &str) -> anyhow::R
         }
         std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
         let path = folder.join(name);
-        std::fs::write(&path, effect_yaml(definition, provenance))
+        whorl_files::write_file(&path, effect_yaml(definition, provenance))
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
     Ok(())

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::Context;
 use whorl_explain::changes::{Change, of_step};
 use whorl_node::Timestamp;
-use whorl_params::{ModelStep, set_in_file};
+use whorl_params::{ModelStep, set_in_text};
 use whorl_recording::{KnownPlatform, read_model};
 
 /// Writes the changes into an existing file and notes them there as the next step of the model's history. `step` has
@@ -39,32 +39,24 @@ pub fn prepare_out(out: &Path, known: &KnownPlatform) -> anyhow::Result<()> {
         return Ok(());
     }
     let has_model =
-        |file: &&std::path::PathBuf| std::fs::read_to_string(file).is_ok_and(|text| text.contains("model:"));
+        |file: &&std::path::PathBuf| whorl_files::read_text(file).is_ok_and(|text| text.contains("model:"));
     let file = known.files.iter().rev().find(has_model);
     let file = file.context("no file of the model to copy; name an existing --out")?;
     // The text and not the file: its permissions may be those of a template.
     let text = std::fs::read(file).with_context(|| format!("cannot read {}", file.display()))?;
-    std::fs::write(out, text).with_context(|| format!("cannot copy {} to {}", file.display(), out.display()))
+    whorl_files::write_file(out, text).with_context(|| format!("cannot copy {} to {}", file.display(), out.display()))
 }
 
-/// Writes the changes into a copy of the file, then replaces the file by the copy: all changes or none.
+/// Writes the file anew with all changes, or leaves it as it is.
 fn write(file: &Path, platform: &str, changes: &[Change]) -> anyhow::Result<()> {
-    let mut beside = file.as_os_str().to_owned();
-    beside.push(".adopting");
-    let beside = std::path::PathBuf::from(beside);
-    std::fs::copy(file, &beside).with_context(|| format!("cannot copy {}", file.display()))?;
-    let edit = || -> anyhow::Result<()> {
-        for change in changes {
-            let comment = (!change.comment.is_empty()).then_some(change.comment.as_str());
-            set_in_file(&beside, &format!("/{platform}/**"), &change.key, &change.value, comment)
-                .with_context(|| format!("cannot set {}", change.key))?;
-        }
-        std::fs::rename(&beside, file).with_context(|| format!("cannot write {}", file.display()))
-    };
-    edit().inspect_err(|_| {
-        // The file itself is untouched; only the copy is removed.
-        let _ = std::fs::remove_file(&beside);
-    })
+    let name = file.display().to_string();
+    let mut text = whorl_files::read_text(file).with_context(|| format!("cannot read {name}"))?;
+    for change in changes {
+        let comment = (!change.comment.is_empty()).then_some(change.comment.as_str());
+        text = set_in_text(&name, &text, &format!("/{platform}/**"), &change.key, &change.value, comment)
+            .with_context(|| format!("cannot set {}", change.key))?;
+    }
+    whorl_files::write_file(file, text).with_context(|| format!("cannot write {name}"))
 }
 
 #[cfg(test)]

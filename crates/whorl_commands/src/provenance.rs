@@ -37,7 +37,7 @@ fn data_hash(path: &Path) -> anyhow::Result<String> {
     let mut hash = Sha256::new();
     for file in &files {
         let mut reader =
-            whorl_params::open_file(file).with_context(|| format!("cannot read {}", file.display()))?;
+            whorl_files::open_file(file).with_context(|| format!("cannot read {}", file.display()))?;
         let mut buffer = vec![0; 1 << 16];
         loop {
             let count = std::io::Read::read(&mut reader, &mut buffer)?;

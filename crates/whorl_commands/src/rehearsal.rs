@@ -1,5 +1,8 @@
 //! Simulation of manoeuvres before they are proposed.
 
+use std::fs::DirBuilder;
+use std::io::ErrorKind;
+use std::os::unix::fs::DirBuilderExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -32,8 +35,7 @@ impl Stage {
     /// `common` is the parameter file that all nodes share.
     pub fn new(known: &KnownPlatform, common: &Path, truth: &PlatformModel) -> anyhow::Result<Self> {
         // Several diagnoses of one process may rehearse at the same time.
-        let number = STAGES.fetch_add(1, Ordering::Relaxed);
-        let folder = std::env::temp_dir().join(format!("whorl_next_{}_{number}", std::process::id()));
+        let folder = new_folder()?;
         let stage = Self { folder: folder.clone(), platform: known.platform.clone() };
         for part in ["truth", "experiments"] {
             let path = folder.join(part);
@@ -56,7 +58,7 @@ impl Stage {
         text = text.replace("      simulated_for_design.placeholder: 0.0\n", &lines.concat());
         if !lines.is_empty() {
             let path = folder.join("truth").join(format!("{}.yaml", known.platform));
-            std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+            whorl_files::write_file(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
         }
         Ok(stage)
     }
@@ -64,7 +66,7 @@ impl Stage {
     /// Simulates an experiment and reads its measurements.
     pub fn rehearse(&self, name: &str, yaml: &str, model: &PlatformModel) -> anyhow::Result<Recording> {
         let experiment = self.folder.join("experiments").join(format!("{name}.yaml"));
-        std::fs::write(&experiment, yaml)
+        whorl_files::write_file(&experiment, yaml)
             .with_context(|| format!("cannot write {}", experiment.display()))?;
         let run = self.folder.join(format!("run_{name}"));
         simulate::record_quietly(&experiment, Some(&self.folder), &run, 1)?;
@@ -103,5 +105,18 @@ fn scalar(value: &Value) -> Option<String> {
             Some(format!("[{}]", list.iter().map(number).collect::<Vec<_>>().join(", ")))
         }
         _ => None,
+    }
+}
+
+/// A folder for this user alone: in the temporary directory anybody may have been first.
+fn new_folder() -> anyhow::Result<PathBuf> {
+    loop {
+        let number = STAGES.fetch_add(1, Ordering::Relaxed);
+        let folder = std::env::temp_dir().join(format!("whorl_next_{}_{number}", std::process::id()));
+        match DirBuilder::new().mode(0o700).create(&folder) {
+            Ok(()) => return Ok(folder),
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+            Err(error) => return Err(error).with_context(|| format!("cannot create {}", folder.display())),
+        }
     }
 }

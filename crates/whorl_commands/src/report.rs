@@ -99,7 +99,7 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
         &summary,
         &circumstances(description.target_rad, &manifest, parameters.as_ref()),
     );
-    std::fs::write(&page, whorl_report::html(&data, &summary, &verdict, &description))
+    whorl_files::write_file(&page, whorl_report::html(&data, &summary, &verdict, &description))
         .with_context(|| format!("cannot write {}", page.display()))?;
     crate::runs::link_pages_beside(&page)?;
     if let serde_json::Value::Object(mut entries) = serde_json::to_value(&summary)? {
@@ -145,7 +145,7 @@ fn circumstances(
 /// The parameters of the run; one without any, such as an imported one, has none.
 #[must_use]
 pub fn effective_parameters(path: &Path) -> Option<ParameterTree> {
-    let text = whorl_params::read_text(&path.join("params/effective.yaml")).ok()?;
+    let text = whorl_files::read_text(&path.join("params/effective.yaml")).ok()?;
     ParameterTree::from_texts(&[("effective.yaml", text.as_str())], &[]).ok()
 }
 

@@ -233,5 +233,5 @@ pub fn link_pages_beside(page: &Path) -> anyhow::Result<()> {
 /// # Errors
 /// When it cannot be written.
 pub fn write(path: &Path, content: &str) -> anyhow::Result<()> {
-    std::fs::write(path, content).with_context(|| format!("cannot write {}", path.display()))
+    whorl_files::write_file(path, content).with_context(|| format!("cannot write {}", path.display()))
 }

@@ -188,12 +188,12 @@ impl Place {
         if let Some(folder) = file.parent() {
             fs::create_dir_all(folder).map_err(ObjectError::io("create", folder))?;
         }
-        let mut written = fs::File::create(file).map_err(ObjectError::io("write", file))?;
+        let mut written = whorl_files::NewFile::create(file).map_err(ObjectError::io("write", file))?;
         while let Some(bytes) = content.next().await {
             let bytes = bytes.map_err(|error| refused("read", &address(), &error))?;
             written.write_all(&bytes).map_err(ObjectError::io("write", file))?;
         }
-        Ok(())
+        written.finish().map_err(ObjectError::io("write", file))
     }
 
     /// Copies all files of a folder, and of those in it, here. Returns their number.

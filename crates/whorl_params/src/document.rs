@@ -3,6 +3,7 @@
 //! Only the part of YAML that ROS 2 parameter files use: one document of maps, lists and scalars.
 //! Anchors, aliases and tags are refused, duplicate keys too.
 
+use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -12,6 +13,12 @@ use crate::error::{Origin, ParameterError};
 
 /// Deeper nesting than any parameter file needs; bounds the recursion.
 const MAX_DEPTH: usize = 32;
+/// More keys than any parameter file has: those of eight platforms have some two thousand.
+const MOST_KEYS: usize = 10_000;
+/// More values: measured curves have thousands of knots.
+const MOST_VALUES: usize = 500_000;
+/// Errors after which the rest of a file is not looked at.
+const MOST_ERRORS: usize = 200;
 
 /// A YAML node.
 #[derive(Debug, Clone)]
@@ -41,7 +48,14 @@ pub(crate) struct MapEntry {
 
 /// Parses one document. `None` when it holds nothing but comments.
 pub(crate) fn parse(file: &Arc<str>, text: &str) -> Result<Option<Node>, Vec<ParameterError>> {
-    let mut builder = Builder { file, parser: Parser::new_from_str(text), errors: Vec::new(), root: None };
+    let mut builder = Builder {
+        file,
+        parser: Parser::new_from_str(text),
+        errors: Vec::new(),
+        root: None,
+        keys: 0,
+        values: 0,
+    };
     // A syntax error ends the parse; errors found before it are reported with it.
     if let Err(error) = builder.document() {
         builder.errors.push(error);
@@ -54,6 +68,8 @@ struct Builder<'a> {
     parser: Parser<'a, StrInput<'a>>,
     errors: Vec<ParameterError>,
     root: Option<Node>,
+    keys: usize,
+    values: usize,
 }
 
 impl<'a> Builder<'a> {
@@ -101,6 +117,16 @@ impl<'a> Builder<'a> {
         if depth > MAX_DEPTH {
             return Err(self.at(line, format!("nested deeper than {MAX_DEPTH} levels")));
         }
+        self.values += 1;
+        if self.values > MOST_VALUES {
+            return Err(self.at(
+                line,
+                format!("more than {MOST_VALUES} values; allowed: up to {MOST_VALUES} in a file"),
+            ));
+        }
+        if self.errors.len() >= MOST_ERRORS {
+            return Err(self.at(line, "there is more wrong in this file: it is not read any further"));
+        }
         let (anchored, tagged) = match &event {
             Event::Scalar(_, _, anchor, tag) => (*anchor != 0, tag.is_some()),
             Event::SequenceStart(anchor, tag) | Event::MappingStart(anchor, tag) => {
@@ -144,6 +170,7 @@ impl<'a> Builder<'a> {
 
     fn map(&mut self, start: Span, depth: usize) -> Result<Node, ParameterError> {
         let mut entries: Vec<MapEntry> = Vec::new();
+        let mut lines: HashMap<String, usize> = HashMap::new();
         loop {
             let (event, span) = self.next()?;
             if matches!(event, Event::MappingEnd | Event::StreamEnd) {
@@ -160,10 +187,18 @@ impl<'a> Builder<'a> {
             };
             let (event, value_span) = self.next()?;
             let value = self.node(event, value_span, depth + 1)?;
-            if let Some(first) = entries.iter().find(|entry| entry.key == key) {
-                let problem = format!("the key stands here and on line {}; allowed: once", first.key_line);
+            self.keys += 1;
+            if self.keys > MOST_KEYS {
+                return Err(self.at(
+                    key_line,
+                    format!("more than {MOST_KEYS} keys; allowed: up to {MOST_KEYS} in a file"),
+                ));
+            }
+            if let Some(first) = lines.get(&key) {
+                let problem = format!("the key stands here and on line {first}; allowed: once");
                 self.errors.push(self.at(key_line, problem).with_key(key));
             } else {
+                lines.insert(key.clone(), key_line);
                 entries.push(MapEntry { key, key_line, key_column: span.start.col(), value });
             }
         }

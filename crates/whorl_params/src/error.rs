@@ -10,6 +10,9 @@ const LONGEST: usize = 200;
 /// Characters of what is wrong and allowed: the longest lists of what is allowed have some thousand.
 const LONGEST_PROBLEM: usize = 4000;
 
+/// Errors that are shown.
+const MOST: usize = 50;
+
 /// Where a parameter's value was given.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Origin {
@@ -128,13 +131,16 @@ impl From<ParameterError> for ParameterErrors {
 
 impl fmt::Display for ParameterErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (index, error) in self.0.iter().enumerate() {
+        for (index, error) in self.0.iter().take(MOST).enumerate() {
             if index > 0 {
                 writeln!(f)?;
             }
             write!(f, "{error}")?;
         }
-        Ok(())
+        match self.0.len().saturating_sub(MOST) {
+            0 => Ok(()),
+            more => write!(f, "\nand {more} more errors"),
+        }
     }
 }
 

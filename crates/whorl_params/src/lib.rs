@@ -34,7 +34,6 @@ mod document;
 mod edit;
 mod effect_file;
 mod error;
-mod files;
 mod formation;
 mod limits;
 mod missing;
@@ -60,7 +59,7 @@ pub use effect_file::{
     EFFECTS_FOLDER, effect_files_beside, effect_yaml, load_effect, load_effects_beside, read_effect,
 };
 pub use error::{Origin, ParameterError, ParameterErrors};
-pub use files::{LARGEST_TEXT, open_file, read_text};
+
 pub use formation::{Formation, LAW_ON_PLATFORMS, formation, own_platform};
 pub use limits::{Limits, any, non_negative, positive, range};
 pub use missing::missing;

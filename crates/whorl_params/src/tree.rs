@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use whorl_files::read_text;
 use whorl_math::words::nearest;
 
 use crate::command_line::Override;
 use crate::error::{Origin, ParameterError, ParameterErrors};
-use crate::files::read_text;
+
 use crate::missing::missing;
 use crate::node_parameters::{Entry, NodeParameters};
 use crate::sections::{Section, sections, sections_for};

@@ -41,7 +41,7 @@ pub fn link_pages(folder: &Path) -> io::Result<()> {
         let page = std::fs::read_to_string(&path)?;
         let Some(linked) = with_links(&page, file, &there, list) else { continue };
         if linked != page {
-            std::fs::write(&path, linked)?;
+            whorl_files::write_file(&path, linked)?;
         }
     }
     Ok(())

@@ -6,7 +6,7 @@
 
 mod partition;
 
-use std::fs::{self, File};
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -18,6 +18,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::types::Type;
 use thiserror::Error;
+use whorl_files::NewFile;
 
 pub use partition::partition;
 
@@ -159,19 +160,13 @@ impl Table {
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).map_err(io("create", folder))?;
         }
-        // Readers of the folder take files that end in .parquet.
-        let unfinished = path.with_extension(format!("parquet.{}", std::process::id()));
-        let file = File::create(&unfinished).map_err(io("create", &unfinished))?;
-        let written =
-            self.write_to(file).map_err(|source| TableError::Parquet { path: path.to_owned(), source });
-        written.inspect_err(|_| {
-            // Only the unfinished copy.
-            let _ = fs::remove_file(&unfinished);
-        })?;
-        fs::rename(&unfinished, path).map_err(io("write", path))
+        let mut file = NewFile::create(path).map_err(io("create", path))?;
+        self.write_to(&mut file)
+            .map_err(|source| TableError::Parquet { path: path.to_owned(), source })?;
+        file.finish().map_err(io("write", path))
     }
 
-    fn write_to(&self, file: File) -> Result<(), ParquetError> {
+    fn write_to(&self, file: &mut NewFile) -> Result<(), ParquetError> {
         let fields = self.columns.iter().map(|(name, values)| Ok(Arc::new(field(name, values)?)));
         let fields = fields.collect::<Result<Vec<_>, ParquetError>>()?;
         let schema = Arc::new(Type::group_type_builder("table").with_fields(fields).build()?);
@@ -208,7 +203,7 @@ fn field(name: &str, values: &Values) -> Result<Type, ParquetError> {
 }
 
 fn column(
-    group: &mut SerializedRowGroupWriter<'_, File>,
+    group: &mut SerializedRowGroupWriter<'_, &mut NewFile>,
     values: &Values,
     from: usize,
     to: usize,

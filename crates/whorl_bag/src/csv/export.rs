@@ -1,10 +1,11 @@
 //! A recording as CSV files.
 
 use std::collections::BTreeSet;
-use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+use whorl_files::NewFile;
 
 use super::error::CsvError;
 use super::flatten::{Layout, Leaf, Path as LeafPath};
@@ -30,10 +31,40 @@ pub struct ExportedTopic {
 /// When the bag cannot be read or a file not be written.
 pub fn export_csv(bag: &BagReader, directory: &Path) -> Result<Vec<ExportedTopic>, CsvError> {
     std::fs::create_dir_all(directory).map_err(CsvError::io("create", directory))?;
-    bag.topics().iter().map(|topic| export_topic(bag, topic, directory)).collect()
+    let mut names = BTreeSet::new();
+    let each = bag.topics().iter().map(|topic| {
+        let file = directory.join(format!("{}.csv", own_name(&topic.name, &mut names)));
+        export_topic(bag, topic, file)
+    });
+    each.collect()
 }
 
-fn export_topic(bag: &BagReader, topic: &Arc<BagTopic>, directory: &Path) -> Result<ExportedTopic, CsvError> {
+/// Longest name without its ending; file systems take 255 bytes.
+const LONGEST_NAME: usize = 200;
+
+/// The name of a topic's file, which no other topic of the bag has: `/a/b` and `a_b` would both be `a_b`, where letters are not
+/// told from capitals so would `/A/b`, and what strangers write may be longer than any file's name.
+fn own_name(topic: &str, taken: &mut BTreeSet<String>) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+    let mut plain: String = topic
+        .trim_start_matches('/')
+        .chars()
+        .map(|c| if is_plain(c) { c } else { '_' })
+        .take(LONGEST_NAME)
+        .collect();
+    if plain.is_empty() || plain.starts_with('.') {
+        plain.insert(0, '_');
+    }
+    let mut name = plain.clone();
+    let mut number = 2;
+    while !taken.insert(name.to_ascii_lowercase()) {
+        name = format!("{plain}_{number}");
+        number += 1;
+    }
+    name
+}
+
+fn export_topic(bag: &BagReader, topic: &Arc<BagTopic>, file: PathBuf) -> Result<ExportedTopic, CsvError> {
     let mut exported = ExportedTopic { topic: topic.name.clone(), file: None, rows: 0 };
     let Some(layout) = Layout::of(&topic.type_name) else { return Ok(exported) };
     // First which columns there are: lists differ in length.
@@ -53,8 +84,7 @@ fn export_topic(bag: &BagReader, topic: &Arc<BagTopic>, directory: &Path) -> Res
             (path, time)
         })
         .collect();
-    let file = directory.join(format!("{}.csv", topic.name.trim_start_matches('/').replace('/', "_")));
-    let output = File::create(&file).map_err(CsvError::io("create", &file))?;
+    let output = NewFile::create(&file).map_err(CsvError::io("create", &file))?;
     let mut output = Output { path: file, writer: BufWriter::new(output), text: String::new() };
     output.text.push_str("log_time [s]");
     for (path, _) in &columns {
@@ -83,8 +113,10 @@ fn export_topic(bag: &BagReader, topic: &Arc<BagTopic>, directory: &Path) -> Res
         output.line()?;
         exported.rows += 1;
     }
-    output.writer.flush().map_err(CsvError::io("write", &output.path))?;
-    exported.file = Some(output.path);
+    let Output { path, writer, .. } = output;
+    let finished = writer.into_inner().map_err(std::io::IntoInnerError::into_error).and_then(NewFile::finish);
+    finished.map_err(CsvError::io("write", &path))?;
+    exported.file = Some(path);
     Ok(exported)
 }
 
@@ -104,7 +136,7 @@ fn visit<'a>(
 
 struct Output {
     path: PathBuf,
-    writer: BufWriter<File>,
+    writer: BufWriter<NewFile>,
     text: String,
 }
 

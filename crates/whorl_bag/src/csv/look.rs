@@ -4,13 +4,12 @@ use std::path::Path;
 
 use super::error::CsvError;
 use super::source::Source;
+use super::table::MOST_COLUMNS;
 
 /// What separates cells, most usual first.
 const DELIMITERS: &[u8] = b",;\t| ";
 /// Lines by which separators are compared.
 const COMPARED: usize = 50;
-/// More columns than this are no table of measurements.
-const MOST_COLUMNS: usize = 4_000;
 /// Cells that are kept: 64 MB of numbers.
 const MOST_CELLS: usize = 8_000_000;
 

@@ -11,6 +11,10 @@ use super::error::CsvError;
 const LONGEST_LINE: usize = 1 << 20;
 /// Longest record: a quote that is never closed makes one of all lines behind it.
 const LONGEST_RECORD: usize = 4 << 20;
+/// Most lines, comments and empty ones with them: five hours at 1 kHz.
+const MOST_LINES: u64 = 20_000_000;
+/// Most text, decompressed \[bytes\].
+const MOST_TEXT: u64 = 8 << 30;
 /// Lines before the header, of comments, that are kept to find it in.
 const LONGEST_PREAMBLE: usize = 10_000;
 
@@ -26,6 +30,9 @@ pub(super) struct Source {
     ended: bool,
     /// Bytes that were given out for the present record.
     given: usize,
+    /// Lines and bytes so far.
+    lines: u64,
+    text: u64,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -37,7 +44,7 @@ enum Encoding {
 impl Source {
     /// Opens a file, compressed with gzip or not: by its content, because names lie.
     pub fn open(path: &Path, delimiter: u8) -> Result<Self, CsvError> {
-        let mut file = BufReader::new(whorl_params::open_file(path).map_err(CsvError::io("open", path))?);
+        let mut file = BufReader::new(whorl_files::open_file(path).map_err(CsvError::io("open", path))?);
         let compressed = file.fill_buf().map_err(CsvError::io("read", path))?.starts_with(&[0x1f, 0x8b]);
         let input: Box<dyn Read + Send> =
             if compressed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
@@ -59,8 +66,17 @@ impl Source {
             _ => (Encoding::Utf8, 0),
         };
         input.consume(mark);
-        let mut source =
-            Self { input, encoding, ready: Vec::new(), read: 0, torn: false, ended: false, given: 0 };
+        let mut source = Self {
+            input,
+            encoding,
+            ready: Vec::new(),
+            read: 0,
+            torn: false,
+            ended: false,
+            given: 0,
+            lines: 0,
+            text: 0,
+        };
         source.find_header(delimiter)?;
         Ok(source)
     }
@@ -118,6 +134,16 @@ impl Source {
         // A line of 16-bit units has as many bytes, or up to three times as many.
         if line.len() >= LONGEST_LINE && line.last() != Some(&b'\n') {
             let why = format!("a line is longer than {} MB: this is no file of numbers", LONGEST_LINE >> 20);
+            return Err(io::Error::new(io::ErrorKind::InvalidData, why));
+        }
+        self.lines += 1;
+        self.text += line.len() as u64;
+        if self.lines > MOST_LINES || self.text > MOST_TEXT {
+            let why = format!(
+                "more than {} million lines or {} GB; allowed: less. Split the recording into several files",
+                MOST_LINES / 1_000_000,
+                MOST_TEXT >> 30
+            );
             return Err(io::Error::new(io::ErrorKind::InvalidData, why));
         }
         if ended {
@@ -234,5 +260,21 @@ mod tests {
             let bytes: Vec<u8> = units.flat_map(bytes).collect();
             assert_eq!(read(&bytes), (text.to_owned(), false), "{mark} {little}");
         }
+    }
+
+    #[test]
+    fn lines_without_end_are_not_read_for_ever() {
+        let refused = |input: Box<dyn Read + Send>| {
+            let read = Source::new(input, b',').and_then(|mut source| {
+                let mut buffer = vec![0; 1 << 16];
+                while source.read(&mut buffer)? > 0 {
+                    source.begin_record();
+                }
+                Ok(())
+            });
+            read.unwrap_err().to_string()
+        };
+        assert!(refused(Box::new(io::repeat(b'\n'))).contains("more than 20 million lines"));
+        assert!(refused(Box::new(io::repeat(b'1'))).contains("longer than 1 MB"));
     }
 }

@@ -10,6 +10,9 @@ use super::source::Source;
 /// Stands for the column of an axis that a sensor does not have.
 pub const NO_COLUMN: &str = "~";
 
+/// More columns than this are no table of measurements.
+pub(super) const MOST_COLUMNS: usize = 4_000;
+
 /// A CSV file, compressed with gzip or not, of which some columns are read.
 pub(crate) struct Table {
     path: PathBuf,
@@ -39,6 +42,10 @@ impl Table {
         let mut reader =
             ::csv::ReaderBuilder::new().delimiter(delimiter).trim(::csv::Trim::All).from_reader(source);
         let header = reader.headers().map_err(|e| CsvError::format(path, 1, &e))?.clone();
+        if header.len() > MOST_COLUMNS {
+            let reason = format!("{} columns; allowed: up to {MOST_COLUMNS}", header.len());
+            return Err(CsvError::Format { path: path.to_owned(), line: 1, reason });
+        }
         Ok(Self {
             path: path.to_owned(),
             reader,

@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
+use whorl_files::write_file;
 
 use super::{Hold, Store, row_name};
 
@@ -102,15 +103,13 @@ impl Store for Directory {
 
 /// Writes a file whole or not at all, in place of what was there.
 fn store_whole(path: &Path, text: &str) -> io::Result<()> {
-    let unfinished = path.with_extension(unique());
-    fs::write(&unfinished, text)?;
-    fs::rename(&unfinished, path)
+    write_file(path, text)
 }
 
 /// Writes a file whole or not at all, unless there is one.
 fn store_whole_once(path: &Path, text: &str) -> io::Result<()> {
     let unfinished = path.with_extension(unique());
-    fs::write(&unfinished, text)?;
+    write_file(&unfinished, text)?;
     let linked = fs::hard_link(&unfinished, path);
     fs::remove_file(&unfinished)?;
     linked.or_else(|error| match error.kind() {

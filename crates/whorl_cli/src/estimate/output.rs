@@ -1,15 +1,15 @@
 //! The file of attitudes.
 
-use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use anyhow::Context;
+use whorl_files::NewFile;
 use whorl_free_motion::Orientation;
 
 /// Time, quaternion, bias, standard deviations and, if wanted, the whole covariance.
 pub struct Output {
-    file: BufWriter<File>,
+    file: BufWriter<NewFile>,
     covariance: bool,
 }
 
@@ -17,7 +17,7 @@ const WRITING: &str = "writing the attitudes";
 
 impl Output {
     pub fn create(path: &Path, covariance: bool) -> anyhow::Result<Self> {
-        let file = File::create(path).with_context(|| format!("cannot create {}", path.display()))?;
+        let file = NewFile::create(path).with_context(|| format!("cannot create {}", path.display()))?;
         let mut file = BufWriter::new(file);
         write!(
             file,
@@ -65,7 +65,8 @@ impl Output {
         writeln!(self.file).context(WRITING)
     }
 
-    pub fn finish(mut self) -> anyhow::Result<()> {
-        self.file.flush().context(WRITING)
+    pub fn finish(self) -> anyhow::Result<()> {
+        let file = self.file.into_inner().map_err(std::io::IntoInnerError::into_error);
+        file.and_then(NewFile::finish).context(WRITING)
     }
 }

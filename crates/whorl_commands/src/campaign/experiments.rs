@@ -16,7 +16,7 @@ pub fn fingerprint(plan: &Plan) -> anyhow::Result<String> {
     let first_of_each = plan.len().div_euclid(plan.definition.experiments.len().max(1) as u64).max(1);
     for k in 0..plan.definition.experiments.len() as u64 {
         for layer in plan.run(k * first_of_each).map(|spec| spec.layers).unwrap_or_default() {
-            let content = whorl_params::read_text(&layer)
+            let content = whorl_files::read_text(&layer)
                 .with_context(|| format!("cannot read {}", layer.display()))?;
             // Not its folder: the same campaign may be given by other spellings of its paths.
             let name = layer.file_name().unwrap_or_default().to_string_lossy();
@@ -51,12 +51,12 @@ pub fn as_json(plan: &Plan) -> Vec<Value> {
 pub fn write_tables(folder: &Folder, plan: &Plan) -> anyhow::Result<Tables> {
     let rows = plan.rows(folder)?;
     let csv = folder.path().join("summary.csv");
-    std::fs::write(&csv, table::csv_text(plan, &rows))
+    whorl_files::write_file(&csv, table::csv_text(plan, &rows))
         .with_context(|| format!("cannot write {}", csv.display()))?;
     let parquet = folder.path().join("table");
     table::write_parquet(plan, &rows, &parquet)?;
     let page = folder.path().join("percentiles.html");
-    std::fs::write(&page, page::html(plan, &table::groups(&rows)))
+    whorl_files::write_file(&page, page::html(plan, &table::groups(&rows)))
         .with_context(|| format!("cannot write {}", page.display()))?;
 
     let simulated_s: f64 = rows.iter().filter_map(|r| r.metrics.first()).filter(|v| v.is_finite()).sum();

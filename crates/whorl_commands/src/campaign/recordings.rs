@@ -108,7 +108,7 @@ impl RecordingPlan {
         text.push_str(&format!("effects: {}\n", ids.join(", ")));
         for (key, file) in self.files() {
             let content =
-                whorl_params::read_text(&file).with_context(|| format!("cannot read {}", file.display()))?;
+                whorl_files::read_text(&file).with_context(|| format!("cannot read {}", file.display()))?;
             text.push_str(&format!("# {key}\n{content}\n"));
         }
         text.push_str(&format!("{:#?}\n", self.definition));
@@ -205,7 +205,7 @@ impl RecordingPlan {
             folder.rows(self.len(), |index, text| serde_json::from_str(text).map(|row| (index, row)))?;
         let table = answers::table(self.definition.question, &rows);
         let csv = folder.path().join("summary.csv");
-        std::fs::write(&csv, table.csv_text()?).with_context(|| format!("cannot write {}", csv.display()))?;
+        whorl_files::write_file(&csv, table.csv_text()?).with_context(|| format!("cannot write {}", csv.display()))?;
         let parquet = folder.path().join("table");
         table.write(&parquet.join("rows.parquet"))?;
         let further = answers::further(self.definition.question, &rows, folder)?;

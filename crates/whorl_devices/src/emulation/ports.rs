@@ -134,9 +134,7 @@ fn read_available(from: &mut impl Read) -> (Vec<u8>, bool) {
 
 /// Readers see the text before or after, nothing between, as with files of the kernel.
 pub(super) fn write_at_once(file: &Path, text: &str) -> std::io::Result<()> {
-    let new = file.with_extension("new");
-    std::fs::write(&new, text)?;
-    std::fs::rename(&new, file)
+    whorl_files::write_file(file, text)
 }
 
 pub(super) fn remove(file: &Path) {

@@ -31,20 +31,9 @@ pub fn set_in_file(
         let origin = Origin::File { file: name.as_str().into(), line: 0 };
         ParameterErrors::from(ParameterError::new(origin, format!("cannot be {what}: {error}")))
     };
-    let text = crate::read_text(path).map_err(|error| io("read", error))?;
+    let text = whorl_files::read_text(path).map_err(|error| io("read", error))?;
     let edited = set_in_text(&name, &text, section, key, value, comment)?;
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".new");
-    let write = || {
-        std::fs::write(&beside, edited)?;
-        std::fs::set_permissions(&beside, std::fs::metadata(path)?.permissions())?;
-        std::fs::rename(&beside, path)
-    };
-    write().map_err(|error| {
-        // The original is unchanged; only the temporary file is removed.
-        let _ = std::fs::remove_file(&beside);
-        io("written", error)
-    })
+    whorl_files::write_file(path, edited).map_err(|error| io("written", error))
 }
 
 /// The text of a parameter file with one value set: replaced where the key stands in the section of

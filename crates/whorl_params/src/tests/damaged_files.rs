@@ -74,3 +74,24 @@ fn damaged_files_never_panic() {
         "{loaded} loaded, {edited} edited: the test has no bite"
     );
 }
+
+#[test]
+fn files_of_very_many_keys_values_and_errors_are_refused_at_once() {
+    let refused = |text: &str| {
+        let errors = ParameterTree::from_texts(&[("many.yaml", text)], &[]).unwrap_err();
+        assert!(errors.len() <= 201, "{} errors", errors.len());
+        let shown = errors.to_string();
+        assert!(shown.len() < 20_000, "{} bytes are shown", shown.len());
+        shown
+    };
+    let head = "/coordinator:\n  ros__parameters:\n";
+    let keys = |key: &dyn Fn(u32) -> String| {
+        head.to_owned() + &(0..100_000).map(|i| format!("    {}: 1\n", key(i))).collect::<String>()
+    };
+    assert!(refused(&keys(&|i| format!("k{i}"))).contains("more than 10000 keys"));
+    let twice = refused(&keys(&|_| "k".to_owned()));
+    assert!(twice.contains("the key stands here and on line 3") && twice.contains("more errors"), "{twice}");
+    assert!(
+        refused(&format!("{head}    a: [{}]\n", "1,".repeat(600_000))).contains("more than 500000 values")
+    );
+}

@@ -1,11 +1,11 @@
 //! A recording as a CSV file and the map that imports it again.
 
 use std::fmt::Write as _;
-use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
 use whorl_bag::{AXES, Channel, Form, NO_COLUMN};
+use whorl_files::{NewFile, write_file};
 
 use crate::series::{ChannelSeries, nanoseconds};
 use crate::{Mounting, Recording, RecordingError};
@@ -74,7 +74,7 @@ pub fn export_csv(
     times.sort_unstable();
     times.dedup();
     let csv = directory.join(format!("{}.csv", recording.platform));
-    let file = File::create(&csv).map_err(RecordingError::io("create", &csv))?;
+    let file = NewFile::create(&csv).map_err(RecordingError::io("create", &csv))?;
     let mut file = BufWriter::new(file);
     header.push('\n');
     file.write_all(header.as_bytes()).map_err(RecordingError::io("write", &csv))?;
@@ -95,9 +95,10 @@ pub fn export_csv(
         line.push('\n');
         file.write_all(line.as_bytes()).map_err(RecordingError::io("write", &csv))?;
     }
-    file.flush().map_err(RecordingError::io("write", &csv))?;
+    let finished = file.into_inner().map_err(std::io::IntoInnerError::into_error).and_then(NewFile::finish);
+    finished.map_err(RecordingError::io("write", &csv))?;
     let map_path = directory.join(format!("{}.channels.yaml", recording.platform));
-    std::fs::write(&map_path, map).map_err(RecordingError::io("write", &map_path))?;
+    write_file(&map_path, map).map_err(RecordingError::io("write", &map_path))?;
     Ok(ExportedCsv { csv, map: map_path, rows: times.len() })
 }
 

@@ -69,11 +69,10 @@ fn read(path: &Path) -> Option<(String, f64)> {
 
 fn write_all(path: &Path, texts: &Receiver<String>) {
     let mut well = true;
-    let unfinished = path.with_extension("new");
     for text in texts {
         // Whole or not at all. A loss of power ends the experiment anyway: nothing waits for the disk.
         let text = format!("{}\n{text}", Stamp::now().in_words());
-        let written = std::fs::write(&unfinished, text).and_then(|()| std::fs::rename(&unfinished, path));
+        let written = whorl_files::write_file(path, text);
         if let (true, Err(error)) = (well, &written) {
             tracing::warn!("the experiment could not go on after this process: {}: {error}", path.display());
         }
