@@ -1,11 +1,15 @@
 //! A ROS domain on this machine: which experiment uses it, and which of our processes run in it.
 
-use std::fs::{File, OpenOptions, TryLockError};
+use std::fs::{DirBuilder, File, OpenOptions, TryLockError};
+use std::io::ErrorKind;
+use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use rustix::fs::{Mode, OFlags};
 use rustix::io::FdFlags;
-use rustix::process::{Pid, Signal, kill_process, test_kill_process};
+use rustix::process::{Pid, Signal, geteuid, getuid, kill_process, test_kill_process};
+use whorl_files::write_file;
 use whorl_node::Node;
 
 use crate::error::LaunchError;
@@ -17,6 +21,9 @@ const RECORDER_ENDS: Duration = Duration::from_secs(5);
 /// The same for a supervisor, which stops its processes one group after the other.
 const SUPERVISOR_ENDS: Duration = Duration::from_secs(10);
 
+/// Ending of the files of pages and screens.
+const SCREEN: &str = "screen";
+
 /// Held by whoever emulates a platform's devices.
 const EMULATORS_LOCK: &str = "lock";
 
@@ -24,7 +31,7 @@ const EMULATORS_LOCK: &str = "lock";
 #[derive(Debug, Clone)]
 pub struct Domain {
     id: u16,
-    /// One file for each process of this user.
+    /// One file for each process of this user: nobody else may write there.
     folder: PathBuf,
     /// Locked by the process that runs nodes in this domain; shared by all users.
     lock: PathBuf,
@@ -52,7 +59,7 @@ impl Domain {
     pub fn new(id: u16) -> Self {
         let runtime =
             std::env::var_os("XDG_RUNTIME_DIR").map_or_else(|| PathBuf::from("/tmp"), PathBuf::from);
-        let user = rustix::process::getuid().as_raw();
+        let user = getuid().as_raw();
         Self::at(id, runtime.join(format!("whorl-{user}-domain-{id}")), &std::env::temp_dir())
     }
 
@@ -99,6 +106,7 @@ impl Domain {
     /// # Errors
     /// Somebody emulates this platform already.
     pub fn take_emulation(&self, platform: &str) -> Result<(PathBuf, File), LaunchError> {
+        self.create_folder()?;
         let root = self.emulation(platform);
         std::fs::create_dir_all(&root).map_err(LaunchError::io("cannot create", &root))?;
         let path = root.join(EMULATORS_LOCK);
@@ -116,6 +124,7 @@ impl Domain {
     /// Folder of a platform's emulated devices, if somebody emulates it now.
     #[must_use]
     pub fn emulated(&self, platform: &str) -> Option<PathBuf> {
+        self.check_folder().ok()?;
         let root = self.emulation(platform);
         let lock = File::open(root.join(EMULATORS_LOCK)).ok()?;
         matches!(lock.try_lock_shared(), Err(TryLockError::WouldBlock)).then_some(root)
@@ -131,10 +140,7 @@ impl Domain {
         lock: impl Fn(&File) -> Result<(), TryLockError>,
         by: &str,
     ) -> Result<File, LaunchError> {
-        // It may belong to another user: only the owner may write to it, but all users may lock it.
-        let file = File::open(path)
-            .or_else(|_| OpenOptions::new().create(true).truncate(false).write(true).open(path))
-            .map_err(LaunchError::io("cannot open", path))?;
+        let file = open_lock(path).map_err(LaunchError::io("cannot open", path))?;
         match lock(&file) {
             Ok(()) => {
                 rustix::io::fcntl_setfd(&file, FdFlags::empty())
@@ -152,8 +158,31 @@ impl Domain {
         }
     }
 
+    /// Makes the folder for this user alone, or finds it: where the temporary directory holds it, anybody may have been first.
     fn create_folder(&self) -> Result<(), LaunchError> {
-        std::fs::create_dir_all(&self.folder).map_err(LaunchError::io("cannot create", &self.folder))
+        if let Some(parent) = self.folder.parent() {
+            std::fs::create_dir_all(parent).map_err(LaunchError::io("cannot create", parent))?;
+        }
+        match DirBuilder::new().mode(0o700).create(&self.folder) {
+            Ok(()) => Ok(()),
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => self.check_folder(),
+            Err(error) => Err(LaunchError::io("cannot create", &self.folder)(error)),
+        }
+    }
+
+    /// Fails unless the folder is there, is no link, belongs to this user, and nobody else may write to it.
+    fn check_folder(&self) -> Result<(), LaunchError> {
+        let found = std::fs::symlink_metadata(&self.folder).map_err(LaunchError::io("cannot read", &self.folder))?;
+        let why = if !found.is_dir() {
+            "is no folder".to_owned()
+        } else if found.uid() != geteuid().as_raw() {
+            format!("belongs to the user with the number {}", found.uid())
+        } else if found.mode() & 0o022 != 0 {
+            "may be written to by other users".to_owned()
+        } else {
+            return Ok(());
+        };
+        Err(LaunchError::ForeignFolder { path: self.folder.clone(), why })
     }
 
     /// Remembers a node, for [`Self::stop`].
@@ -166,6 +195,16 @@ impl Domain {
         self.write(&format!("{label}.supervisor"), std::process::id());
     }
 
+    /// Remembers a process that shows a person what nodes do, for [`Self::stop`].
+    pub fn remember_screen(&self, label: &str, pid: u32) {
+        self.write(&format!("{label}.{SCREEN}"), pid);
+    }
+
+    /// Forgets one.
+    pub fn forget_screen(&self, label: &str) {
+        let _ = std::fs::remove_file(self.folder.join(format!("{label}.{SCREEN}")));
+    }
+
     /// Remembers this process, which is about to become a node.
     pub fn remember_self(&self, label: &str) {
         self.remember(label, std::process::id());
@@ -173,16 +212,14 @@ impl Domain {
 
     /// A file that cannot be written only makes [`Self::stop`] miss the process.
     fn write(&self, name: &str, pid: u32) {
-        let _ = std::fs::create_dir_all(&self.folder);
-        let _ = std::fs::write(self.folder.join(name), format!("{pid}\n"));
+        if self.create_folder().is_ok() {
+            let _ = write_file(&self.folder.join(name), format!("{pid}\n"));
+        }
     }
 
     pub(crate) fn forget(&self, label: &str) {
         let _ = std::fs::remove_file(self.folder.join(format!("{label}.pid")));
-        let progress = self.progress(label);
-        let _ = std::fs::remove_file(&progress);
-        // Of a process that was killed while it wrote.
-        let _ = std::fs::remove_file(progress.with_extension("new"));
+        let _ = std::fs::remove_file(self.progress(label));
     }
 
     /// Forgets a supervisor, and the folder once nothing is in it.
@@ -192,24 +229,29 @@ impl Domain {
     }
 
     /// Stops everything that runs in this domain and was started by this user on this machine, the recorder last.
-    /// Returns how many nodes those were.
+    /// Returns how many nodes, and how many pages and screens that showed them, those were.
     #[must_use]
-    pub fn stop(&self) -> usize {
-        let nodes = self.nodes();
+    pub fn stop(&self) -> (usize, usize) {
+        // Nobody of this user is noted in a folder that another has made.
+        if self.check_folder().is_err() {
+            return (0, 0);
+        }
+        let (nodes, screens) = (self.nodes(), self.running(SCREEN, |program| program == "whorl"));
         // Supervisors end their nodes in order, and write the report.
         end(&self.supervisors(), SUPERVISOR_ENDS);
         let (recorders, others): (Vec<_>, Vec<_>) =
             nodes.iter().cloned().partition(|process| process.label == Node::Recorder.name());
+        end(&screens, NODES_END);
         end(&others, NODES_END);
         end(&recorders, RECORDER_ENDS);
         let files = std::fs::read_dir(&self.folder).into_iter().flatten().flatten().map(|entry| entry.path());
         for path in files.filter(|path| {
-            path.extension().is_some_and(|e| e == "pid" || e == "supervisor" || e == "progress")
+            path.extension().is_some_and(|e| ["pid", "supervisor", "progress", SCREEN].iter().any(|own| e == *own))
         }) {
             let _ = std::fs::remove_file(path);
         }
         let _ = std::fs::remove_dir(&self.folder);
-        nodes.len()
+        (nodes.len(), screens.len())
     }
 
     /// Running nodes.
@@ -224,6 +266,9 @@ impl Domain {
     }
 
     fn running(&self, extension: &str, is_ours: impl Fn(&str) -> bool) -> Vec<Running> {
+        if self.check_folder().is_err() {
+            return Vec::new();
+        }
         let files = std::fs::read_dir(&self.folder).into_iter().flatten().flatten().map(|entry| entry.path());
         let mut running: Vec<Running> = files
             .filter(|path| path.extension().is_some_and(|e| e == extension))
@@ -237,6 +282,21 @@ impl Domain {
             .collect();
         running.sort_by(|a, b| a.label.cmp(&b.label));
         running
+    }
+}
+
+/// Opens a file that is only locked, and makes it where there is none. It may belong to another user: only the owner may write
+/// to it, but all users may lock it. No link is followed, and nothing that is no file is waited for.
+fn open_lock(path: &Path) -> std::io::Result<File> {
+    let open = || rustix::fs::open(path, OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty());
+    match open() {
+        Ok(file) => Ok(file.into()),
+        Err(rustix::io::Errno::NOENT) => match OpenOptions::new().create_new(true).write(true).open(path) {
+            // Somebody was first.
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(open()?.into()),
+            made => made,
+        },
+        Err(error) => Err(error.into()),
     }
 }
 

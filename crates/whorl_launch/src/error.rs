@@ -58,6 +58,17 @@ pub enum LaunchError {
         /// What uses it.
         by: String,
     },
+    /// The folder for the processes of this user was made by somebody else.
+    #[error(
+        "{} {why}: nothing is written there. Remove it, or set XDG_RUNTIME_DIR to a folder that only you may write to",
+        path.display()
+    )]
+    ForeignFolder {
+        /// The folder.
+        path: PathBuf,
+        /// Why it is not trusted.
+        why: String,
+    },
     /// This user may not have real-time priority.
     #[error(
         "real-time priority is refused ({0}): write `@dialout - rtprio 80` into /etc/security/limits.d/whorl.conf and log \

@@ -14,6 +14,7 @@ use crate::domain::Domain;
 use crate::error::LaunchError;
 use crate::process::{Process, Programs};
 use crate::realtime::RealTime;
+use crate::restarts::Restarts;
 
 /// Nodes get a higher priority than other programs if the machine allows it: as root, or with a limit on nice in
 /// /etc/security/limits.conf.
@@ -22,12 +23,6 @@ const NICE: i32 = -10;
 const NODES_END: Duration = Duration::from_secs(3);
 /// The same for the recorder, which closes its files.
 const RECORDER_ENDS: Duration = Duration::from_secs(5);
-/// A process that ended by a signal or a panic is started again at once so often within [`RESTARTS_WITHIN`]. Then it is not bad
-/// luck, but perhaps somebody's doing: every further start waits twice as long, and nobody can end a run by giving it reasons.
-const RESTARTS: usize = 5;
-const RESTARTS_WITHIN: Duration = Duration::from_secs(300);
-const FIRST_WAIT: Duration = Duration::from_secs(5);
-const LONGEST_WAIT: Duration = Duration::from_secs(60);
 /// Exit code of a Rust program that panicked.
 const PANICKED: i32 = 101;
 /// Number of log lines shown for a failed process.
@@ -44,7 +39,6 @@ const PROGRESS_FILE: &str = "WHORL_PROGRESS_FILE";
 pub struct Supervisor {
     children: Vec<Running>,
     domain: Domain,
-    restarts: Vec<(String, Instant)>,
     environment: Vec<(String, String)>,
     real_time: Option<RealTime>,
 }
@@ -60,6 +54,7 @@ struct Running {
     ended: bool,
     /// Whether it was asked to end.
     asked: bool,
+    restarts: Restarts,
     /// When it is started again.
     again_at: Option<Instant>,
 }
@@ -89,8 +84,9 @@ impl Ended {
     /// its limit is exhausted, among them), or by a panic.
     #[must_use]
     pub fn by_accident(&self) -> bool {
-        self.status.code().is_none_or(|code| code == PANICKED)
+        by_accident(self.status)
     }
+
     /// The last lines of its log.
     #[must_use]
     pub fn last_words(&self) -> String {
@@ -101,11 +97,17 @@ impl Ended {
     }
 }
 
+/// Whether a process ended by a signal or a panic, see [`Ended::by_accident`].
+#[must_use]
+pub fn by_accident(status: ExitStatus) -> bool {
+    status.code().is_none_or(|code| code == PANICKED)
+}
+
 impl Supervisor {
     /// Nothing runs yet.
     #[must_use]
     pub fn new(domain: Domain) -> Self {
-        Self { children: Vec::new(), domain, restarts: Vec::new(), environment: Vec::new(), real_time: None }
+        Self { children: Vec::new(), domain, environment: Vec::new(), real_time: None }
     }
 
     /// With these variables in the environment of every process that it starts.
@@ -152,6 +154,7 @@ impl Supervisor {
             log,
             ended: false,
             asked: false,
+            restarts: Restarts::default(),
             again_at: None,
         };
         self.children.push(running);
@@ -174,16 +177,10 @@ impl Supervisor {
     /// # Errors
     /// When the program, or the log, cannot be opened.
     pub fn restart(&mut self, label: &str) -> Result<Option<Duration>, LaunchError> {
-        self.restarts.retain(|(_, at)| at.elapsed() < RESTARTS_WITHIN);
-        let often = self.restarts.iter().filter(|(of, _)| of == label).count();
         let Some(running) = self.children.iter_mut().find(|r| r.label == label && r.ended) else {
             return Ok(None);
         };
-        self.restarts.push((label.to_owned(), Instant::now()));
-        let wait = match often.checked_sub(RESTARTS) {
-            None => Duration::ZERO,
-            Some(more) => LONGEST_WAIT.min(FIRST_WAIT * (1 << more.min(8))),
-        };
+        let wait = running.restarts.next_wait(Instant::now());
         if wait > Duration::ZERO {
             running.again_at = Some(Instant::now() + wait);
         } else {
@@ -291,11 +288,15 @@ fn command(
     let errors = log.try_clone().map_err(LaunchError::io("cannot write to", log_path))?;
     let mut command = Command::new(program);
     command.args(arguments).envs(environment.iter().cloned()).stdout(log).stderr(errors);
-    // The kernel closes the other end when this process ends, however it does: the node then ends too.
-    command.stdin(Stdio::piped()).env(ENDS_WITH_INPUT, "1");
-    // Ctrl-C goes to the terminal's process group, which holds only the supervisor: it ends the nodes in order.
-    command.process_group(0);
+    ends_with_this_process(&mut command);
     Ok(command)
+}
+
+/// Has a process end when this one does, however it does, and not by Ctrl-C: that is for this one, which ends its processes in
+/// order. The process must listen for it (`whorl_ros::end_with_launcher`).
+pub fn ends_with_this_process(command: &mut Command) -> &mut Command {
+    // The kernel closes the other end when this process ends.
+    command.stdin(Stdio::piped()).env(ENDS_WITH_INPUT, "1").process_group(0)
 }
 
 fn spawn(

@@ -342,7 +342,7 @@ fn stopping_a_domain_ends_nodes_of_other_supervisors_and_no_other_program() {
     let domain = Domain::at(1, folder.path().join("state"), folder.path());
     // This test is no node: its id may stand in a file of a node that has ended long ago.
     domain.remember_self("recorder");
-    assert_eq!(domain.stop(), 0);
+    assert_eq!(domain.stop(), (0, 0));
     assert!(!folder.path().join("state").exists());
 }
 
@@ -393,4 +393,58 @@ fn real_time_is_for_the_control_loop_alone_and_from_its_first_instruction_on() {
     // This process is what it was.
     let own = std::fs::read_to_string("/proc/self/stat").unwrap();
     assert_eq!(own.rsplit(") ").next().unwrap().split(' ').nth(38), Some("0"));
+}
+
+/// Links, folders and files that another user of the computer may have prepared in the temporary directory.
+#[test]
+fn a_folder_that_others_prepared_is_not_written_to() {
+    use std::os::unix::fs::{PermissionsExt as _, symlink};
+    let temporary = tempfile::tempdir().unwrap();
+    let victim = temporary.path().join("victim");
+    std::fs::write(&victim, "precious").unwrap();
+    let state = temporary.path().join("state");
+    let domain = || Domain::at(7, state.clone(), temporary.path());
+    let refused = |what: &str| {
+        let text = domain().take().unwrap_err().to_string();
+        assert!(text.contains(what) && text.contains("XDG_RUNTIME_DIR"), "{what}: {text}");
+        domain().remember_supervisor("experiment");
+        assert_eq!(domain().stop(), (0, 0));
+        assert!(domain().emulated("whorl_1").is_none());
+    };
+
+    // A folder that all may write to, with links in it.
+    std::fs::create_dir(&state).unwrap();
+    std::fs::set_permissions(&state, std::fs::Permissions::from_mode(0o777)).unwrap();
+    symlink(&victim, state.join("experiment.supervisor")).unwrap();
+    refused("other users");
+    // A link to a folder of this user.
+    std::fs::remove_dir_all(&state).unwrap();
+    let elsewhere = temporary.path().join("elsewhere");
+    std::fs::create_dir(&elsewhere).unwrap();
+    symlink(&elsewhere, &state).unwrap();
+    refused("is no folder");
+    assert_eq!(std::fs::read_dir(&elsewhere).unwrap().count(), 0);
+    // A folder of another user, where this test may make one.
+    std::fs::remove_file(&state).unwrap();
+    std::fs::create_dir(&state).unwrap();
+    if std::os::unix::fs::chown(&state, Some(65534), Some(65534)).is_ok() {
+        refused("belongs to the user with the number 65534");
+    }
+    std::fs::remove_dir(&state).unwrap();
+
+    // Made here, it is for this user alone, and links in it are replaced.
+    let lease = domain().take().unwrap();
+    assert_eq!(std::fs::metadata(&state).unwrap().permissions().mode() & 0o777, 0o700);
+    symlink(&victim, state.join("experiment.supervisor")).unwrap();
+    domain().remember_supervisor("experiment");
+    assert!(std::fs::symlink_metadata(state.join("experiment.supervisor")).unwrap().is_file());
+    drop(lease);
+    // The lock, which all users share.
+    let lock = temporary.path().join("whorl-domain-7.lock");
+    std::fs::remove_file(&lock).unwrap();
+    let nowhere = temporary.path().join("nowhere");
+    symlink(&nowhere, &lock).unwrap();
+    assert!(domain().take().is_err());
+    assert!(!nowhere.exists(), "a link was followed to make its target");
+    assert_eq!(std::fs::read_to_string(&victim).unwrap(), "precious");
 }
