@@ -24,3 +24,4 @@ mod sensor_faults;
 mod services;
 mod start;
 mod tilt_limit;
+mod ways_to_hold;

@@ -70,6 +70,7 @@ struct PlatformView {
 
 /// Carries out `whorl monitor`. Fails when the experiment was aborted.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    whorl_ros::end_with_launcher();
     whorl_ros::limit_memory();
     watch(arguments)
 }

@@ -128,7 +128,7 @@ fn platform(arguments: &Platform) -> anyhow::Result<u8> {
         supervisor.start(&programs, process, &domain.logs())?;
     }
     say!("{platform} is up (logs in {}); Ctrl-C stops it", domain.logs().display());
-    let status = watch(&mut supervisor, None, &interrupted);
+    let status = watch(&mut supervisor, None, None, &interrupted);
     let all_well = stop(&mut supervisor);
     domain.forget_supervisor(platform);
     Ok(if status == 0 && !all_well { 1 } else { status })
@@ -157,7 +157,9 @@ fn recorder(arguments: &Recorder) -> anyhow::Result<u8> {
 
 fn stop_all() -> anyhow::Result<u8> {
     let (domain, id) = (this_domain()?, whorl_ros::environment::Network::from_environment()?.domain_id);
-    say!("stopped {} nodes in domain {id}", domain.stop());
+    let (nodes, screens) = domain.stop();
+    let and = if screens > 0 { format!(" and {screens} pages and screens") } else { String::new() };
+    say!("stopped {nodes} nodes{and} in domain {id}");
     Ok(0)
 }
 

@@ -1,4 +1,4 @@
-//! A node that was started by a launcher ends with it, also when the launcher is killed.
+//! What was started by a launcher ends with it, also when the launcher is killed.
 
 use std::io::Read;
 use std::time::Duration;
@@ -10,8 +10,9 @@ const VARIABLE: &str = "WHORL_ENDS_WITH_INPUT";
 /// Time to end in order, as the launcher gives a recorder.
 const TO_END: Duration = Duration::from_secs(5);
 
-/// Ends this process, as if it were asked to, when the standard input ends. Does nothing for a node that nobody launched.
-pub(crate) fn end_with_it() {
+/// Ends this process, as if it were asked to, when its launcher ends: with the standard input. Does nothing for a process that
+/// nobody launched.
+pub fn end_with_launcher() {
     if std::env::var_os(VARIABLE).is_none() {
         return;
     }
@@ -27,12 +28,12 @@ pub(crate) fn end_with_it() {
                 Err(_) => return,
             }
         }
-        tracing::warn!("the launcher has ended: so does this node");
+        tracing::warn!("the launcher has ended: so does this process");
         let _ = kill_process(getpid(), Signal::TERM);
         std::thread::sleep(TO_END);
         let _ = kill_process(getpid(), Signal::KILL);
     };
     if let Err(error) = std::thread::Builder::new().name("launcher".to_owned()).spawn(watch) {
-        tracing::warn!("this node will not end with its launcher: {error}");
+        tracing::warn!("this process will not end with its launcher: {error}");
     }
 }

@@ -62,6 +62,7 @@ pub use error::RosError;
 pub use graph::{Announcement, NodeList};
 pub use listener::AmbientNetwork;
 pub use log::to_stderr as log_to_stderr;
+pub use launcher::end_with_launcher;
 pub use memory::limit_memory;
 pub use node::run_node;
 pub use parameter_client::{ParameterClient, ParameterClientError, ParameterDescription};

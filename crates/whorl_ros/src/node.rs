@@ -31,7 +31,7 @@ where
         Ok(context) => context,
         Err(code) => return code,
     };
-    crate::launcher::end_with_it();
+    crate::launcher::end_with_launcher();
     let full_name = context.name().full();
     let (core, parameters) = match build_core(&context, &read, build) {
         Ok(built) => built,

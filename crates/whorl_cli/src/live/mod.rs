@@ -32,6 +32,10 @@ use whorl_commands::shapes::shapes;
 
 /// Where the page is served unless another port is given.
 pub const PORT: u16 = 8470;
+/// Length of a token.
+const SECRET_DIGITS: usize = 32;
+/// In the environment: the token of the page, chosen by who started it. Nobody but this user can read it.
+pub const TOKEN: &str = "WHORL_LIVE_TOKEN";
 /// A browser that takes nothing for this long is left.
 const PATIENCE: Duration = Duration::from_secs(20);
 /// Time between two frames.
@@ -75,6 +79,7 @@ pub struct Arguments {
 
 /// Carries out `whorl live`, until it is stopped.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    whorl_ros::end_with_launcher();
     whorl_ros::limit_memory();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(serve(arguments))
@@ -88,7 +93,7 @@ async fn serve(arguments: &Arguments) -> anyhow::Result<()> {
     let address = listener.local_addr()?;
     let network = Network::from_environment()?.secured(whorl_security::policy::MONITOR)?;
     let subscription = Subscription::new(&network, &arguments.platforms, &SHARED, &OF_PLATFORMS)?;
-    let token = if arguments.read_only { None } else { Some(secret()?) };
+    let token = if arguments.read_only { None } else { Some(chosen_token().map_or_else(secret, Ok)?) };
     let (frames, _) = watch::channel(Utf8Bytes::default());
     let failed = feed(subscription, arguments.platforms.clone(), frames.clone())?;
 
@@ -208,9 +213,20 @@ impl Looks {
     }
 }
 
-/// 128 random bits.
-fn secret() -> anyhow::Result<String> {
-    let mut bytes = [0u8; 16];
+/// The port itself, or, for 0, one that is free now.
+pub fn free_port(port: u16) -> u16 {
+    let free = || std::net::TcpListener::bind((std::net::Ipv4Addr::LOCALHOST, 0))?.local_addr();
+    if port == 0 { free().map_or(0, |address| address.port()) } else { port }
+}
+
+/// The token that whoever started this process has chosen.
+fn chosen_token() -> Option<String> {
+    std::env::var(TOKEN).ok().filter(|token| token.len() == SECRET_DIGITS)
+}
+
+/// 128 random bits in hexadecimal digits.
+pub fn secret() -> anyhow::Result<String> {
+    let mut bytes = [0u8; SECRET_DIGITS / 2];
     std::fs::File::open("/dev/urandom")
         .and_then(|mut file| file.read_exact(&mut bytes))
         .context("there is no source of randomness for the token (--read-only needs none)")?;

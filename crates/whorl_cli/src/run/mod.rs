@@ -13,7 +13,7 @@ use whorl_launch::{Domain, Programs, Setup, Supervisor};
 use whorl_ros::environment::Network;
 
 pub use arguments::{AboutPlatform, Arguments, Folders, Names, Scheduling, names};
-use screens::{LivePage, Monitor};
+use screens::{Screen, Surroundings, Words};
 pub use watch::{INTERRUPTED, Interrupted, stop, watch};
 
 use crate::output::{say, tell};
@@ -71,13 +71,16 @@ fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
             }
         }
     }
-    let to_error = arguments.json.takes_standard_output();
-    let mut page =
-        arguments.live.then(|| LivePage::start(&setup.platforms, &run, arguments.live_port, to_error));
-    let mut monitor =
-        Monitor::start(setup.platforms.clone(), environment, arguments.json.takes_standard_output());
+    let surroundings =
+        Surroundings { platforms: &setup.platforms, environment: &environment, domain: &domain };
+    let is_for_programs = arguments.json.takes_standard_output();
+    let of = |where_else| if is_for_programs { where_else } else { Words::Output };
+    let mut page = arguments
+        .live
+        .then(|| Screen::live_page(&surroundings, &run, arguments.live_port, of(Words::Error)));
+    let mut monitor = Screen::monitor(&surroundings, of(Words::Nowhere));
     let status = match started {
-        Ok(()) => watch(&mut supervisor, Some(&mut monitor), &interrupted),
+        Ok(()) => watch(&mut supervisor, Some(&mut monitor), page.as_mut(), &interrupted),
         Err(error) => {
             tell(format_args!("error: {error}"));
             1

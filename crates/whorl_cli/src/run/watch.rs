@@ -9,7 +9,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use whorl_launch::{Ended, Supervisor};
 
 use super::exit_status::shell_status;
-use super::screens::Monitor;
+use super::screens::Screen;
 use crate::output::{say, tell};
 
 /// Exit status after Ctrl-C, as shells give it.
@@ -22,7 +22,8 @@ const LAST_LOOK: Duration = Duration::from_secs(2);
 /// Watches the processes until one ends, the experiment is over or the user interrupts; returns the exit status.
 pub fn watch(
     supervisor: &mut Supervisor,
-    mut monitor: Option<&mut Monitor>,
+    mut monitor: Option<&mut Screen>,
+    mut page: Option<&mut Screen>,
     interrupted: &Interrupted,
 ) -> u8 {
     let mut until: Option<Instant> = None;
@@ -62,8 +63,11 @@ pub fn watch(
             }
             None => {}
         }
-        if let Some(status) = monitor.as_mut().and_then(|monitor| monitor.status()) {
-            return status;
+        if let Some(status) = page.as_mut().and_then(|page| page.look_after()) {
+            tell(format_args!("warning: the live page has ended with status {status}"));
+        }
+        if let Some(status) = monitor.as_mut().and_then(|monitor| monitor.look_after()) {
+            return u8::from(status != 0);
         }
         if until.is_some_and(|until| Instant::now() >= until) {
             return 0;
