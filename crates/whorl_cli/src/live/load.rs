@@ -16,9 +16,18 @@ const NODES: usize = 128;
 /// Late timers per second above which the verdict on a run calls its computer overloaded.
 const LATE_PER_S: f64 = 1.0;
 
+/// How often the page looks at what has arrived \[Hz\], ...
+const LOOKS_HZ: f64 = 30.0;
+/// ... and the share of that below which it says so.
+const KEEPS_UP: f64 = 0.5;
+/// Looks that are kept: those of the window at ten times their rate.
+const LOOKS: usize = 3000;
+
 /// What nodes said of themselves.
 #[derive(Debug, Default)]
 pub struct Load {
+    /// When the page itself looked at what had arrived.
+    looks: VecDeque<f64>,
     nodes: BTreeMap<String, VecDeque<Report>>,
 }
 
@@ -44,9 +53,30 @@ impl Load {
         }
     }
 
+    /// The page itself looks at what has arrived.
+    pub fn look(&mut self, now_s: f64) {
+        self.looks.push_back(now_s);
+        while self.looks.len() > LOOKS || self.looks.front().is_some_and(|t| now_s - t > WINDOW_S) {
+            self.looks.pop_front();
+        }
+    }
+
+    /// How often a second the page looks, where that is too seldom; `None` where it keeps up.
+    fn looks_hz(&self, now_s: f64) -> Option<f64> {
+        let since_s = now_s - self.looks.front()?;
+        let hz = self.looks.len().saturating_sub(1) as f64 / since_s;
+        (since_s > STALE_S && hz < KEEPS_UP * LOOKS_HZ).then_some(hz)
+    }
+
     /// What somebody who looks at the page should know: who, and what.
     pub fn faults(&self, now_s: f64) -> Vec<(String, String)> {
         let mut faults = Vec::new();
+        if let Some(hz) = self.looks_hz(now_s) {
+            let what = format!(
+                "this page cannot keep up: it looks {hz:.0} times a second at what arrives in place of {LOOKS_HZ:.0}, and shows less than there is"
+            );
+            faults.push(("live page".to_owned(), what));
+        }
         if let Some((sum, most)) = self.most(now_s, |(_, late, _)| *late)
             && sum as f64 > LATE_PER_S * WINDOW_S
         {
@@ -107,6 +137,27 @@ mod tests {
         }
         assert_eq!(load.faults(14.0), []);
         assert_eq!(load.faults(100.0), [], "all have ended");
+    }
+
+    #[test]
+    fn a_page_that_does_not_keep_up_says_so_until_it_does() {
+        let mut load = Load::default();
+        let mut now_s = 0.0;
+        let mut looked = |seconds: f64, hz: f64| {
+            for _ in 0..(seconds * hz) as usize {
+                now_s += 1.0 / hz;
+                load.look(now_s);
+            }
+            load.faults(now_s)
+        };
+        assert_eq!(looked(20.0, 28.0), []);
+        let faults = looked(20.0, 7.0);
+        assert!(
+            faults.len() == 1 && faults[0].0 == "live page" && faults[0].1.contains("7 times"),
+            "{faults:?}"
+        );
+        assert_eq!(looked(20.0, 30.0), []);
+        assert!(load.looks.len() <= LOOKS);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! `whorl live`: the formation in a browser.
 
+mod door;
 mod foxglove;
 mod load;
 mod places;
@@ -25,6 +26,7 @@ use whorl_ros::environment::Network;
 
 use crate::output::{say, tell};
 use crate::subscription::Subscription;
+use door::{Door, Visitor};
 use places::Places;
 use server::{BROWSERS, Server};
 use view::View;
@@ -120,7 +122,8 @@ async fn serve(arguments: &Arguments) -> anyhow::Result<()> {
         browsers: Places::new(BROWSERS),
         clients: Places::new(BROWSERS),
     });
-    let serving = axum::serve(listener, server::routes(server));
+    let routes = server::routes(server).into_make_service_with_connect_info::<Visitor>();
+    let serving = axum::serve(Door::new(listener), routes);
     let stopped = stop_signal()?;
     tokio::select! {
         _ = stopped => Ok(()),
@@ -164,6 +167,7 @@ fn feed(
                 let _ = failed.send(error);
                 return;
             }
+            view.look(now_s);
             if !heard && !hinted && begun.elapsed() > SILENCE {
                 hinted = true;
                 tell(subscription.hint());

@@ -7,11 +7,11 @@ use std::time::Duration;
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::ws::{Message, Utf8Bytes, WebSocket, WebSocketUpgrade};
-use axum::extract::{DefaultBodyLimit, Request, State};
+use axum::extract::{ConnectInfo, DefaultBodyLimit, Request, State};
 use axum::http::header::{
-    AUTHORIZATION, CACHE_CONTROL, CONTENT_SECURITY_POLICY, HOST, ORIGIN, SEC_WEBSOCKET_PROTOCOL,
+    AUTHORIZATION, CACHE_CONTROL, CONNECTION, CONTENT_SECURITY_POLICY, HOST, ORIGIN, SEC_WEBSOCKET_PROTOCOL,
 };
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::middleware::{self, Next};
 use axum::response::{Html, IntoResponse, Response};
 use axum::routing::{get, post};
@@ -19,6 +19,7 @@ use sha2::{Digest, Sha256};
 use tokio::sync::watch;
 
 use super::PATIENCE;
+use super::door::Visitor;
 use super::foxglove::{self, Feed};
 use super::places::{Place, Places};
 use crate::command::{request_abort, request_hold, request_start};
@@ -72,11 +73,21 @@ pub fn routes(server: Arc<Server>) -> Router {
 /// Refuses pages of other sites: those that call from the user's browser (by their origin), and those whose name was
 /// made to point here (by the host they call).
 async fn same_site(State(server): State<Arc<Server>>, request: Request, next: Next) -> Response {
+    if let Some(ConnectInfo(visitor)) = request.extensions().get::<ConnectInfo<Visitor>>() {
+        let is_operator =
+            |token: &String| authorised(request.headers(), token) || asks_with(request.headers(), token);
+        visitor.asks(server.token.as_ref().is_some_and(is_operator));
+    }
     let from_anywhere = server.foxglove.is_some() && request.uri().path() == FOXGLOVE;
-    match refusal(server.address, request.headers(), from_anywhere) {
+    let mut response = match refusal(server.address, request.headers(), from_anywhere) {
         Some(why) => (StatusCode::FORBIDDEN, why).into_response(),
         None => next.run(request).await,
+    };
+    // A request has a connection of its own, which has to end in time.
+    if response.status() != StatusCode::SWITCHING_PROTOCOLS {
+        response.headers_mut().insert(CONNECTION, HeaderValue::from_static("close"));
     }
+    response
 }
 
 fn refusal(address: SocketAddr, headers: &HeaderMap, from_anywhere: bool) -> Option<&'static str> {
@@ -95,16 +106,22 @@ async fn page(State(server): State<Arc<Server>>) -> Response {
     ([(CONTENT_SECURITY_POLICY, POLICY), (CACHE_CONTROL, "no-store")], Html((server.page)())).into_response()
 }
 
-async fn foxglove(State(server): State<Arc<Server>>, upgrade: WebSocketUpgrade) -> Response {
+async fn foxglove(
+    State(server): State<Arc<Server>>,
+    ConnectInfo(visitor): ConnectInfo<Visitor>,
+    upgrade: WebSocketUpgrade,
+) -> Response {
     match &server.foxglove {
         None => (StatusCode::NOT_FOUND, "start it with: whorl live --foxglove\n").into_response(),
         Some(feed) => {
             let feed = Arc::clone(feed);
             let Some(place) = server.clients.take(false) else { return all_taken() };
-            upgrade
-                .protocols(foxglove::PROTOCOLS)
-                .max_message_size(foxglove::LARGEST_REQUEST)
-                .on_upgrade(move |socket| foxglove::serve(socket, feed, place))
+            upgrade.protocols(foxglove::PROTOCOLS).max_message_size(foxglove::LARGEST_REQUEST).on_upgrade(
+                move |socket| {
+                    visitor.upgraded();
+                    foxglove::serve(socket, feed, place)
+                },
+            )
         }
     }
 }
@@ -115,16 +132,17 @@ fn all_taken() -> Response {
 
 async fn frames(
     State(server): State<Arc<Server>>,
+    ConnectInfo(visitor): ConnectInfo<Visitor>,
     headers: HeaderMap,
     upgrade: WebSocketUpgrade,
 ) -> Response {
     let operator = server.token.as_ref().is_some_and(|token| asks_with(&headers, token));
     let Some(place) = server.browsers.take(operator) else { return all_taken() };
     let receiver = server.frames.subscribe();
-    upgrade
-        .protocols([FRAMES])
-        .max_message_size(LARGEST_REQUEST)
-        .on_upgrade(move |socket| stream(socket, receiver, place))
+    upgrade.protocols([FRAMES]).max_message_size(LARGEST_REQUEST).on_upgrade(move |socket| {
+        visitor.upgraded();
+        stream(socket, receiver, place)
+    })
 }
 
 /// Whether the token is among the protocols that are asked for.

@@ -125,6 +125,11 @@ impl View {
         }
     }
 
+    /// What has arrived by `now_s` was taken.
+    pub fn look(&mut self, now_s: f64) {
+        self.load.look(now_s);
+    }
+
     /// The frame at `now_s` of platforms with these names.
     pub fn frame(&mut self, now_s: f64, names: &[String]) -> Frame {
         let formation = fresh(&self.formation, now_s);
