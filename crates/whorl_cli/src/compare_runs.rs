@@ -10,7 +10,7 @@ use whorl_math::deg_from_rad;
 use whorl_params::ParameterTree;
 use whorl_report::{MOST_OVERLAID, PairDifference, ParameterDifference, overlay_html, pair_differences};
 
-use crate::output::{JsonArgument, say};
+use crate::output::{JsonArgument, say, tell};
 use crate::runs::write;
 use crate::{progress, report};
 
@@ -42,7 +42,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let effective: Option<Vec<Parameters>> = paths.iter().map(|path| effective(path)).collect();
     let parameters = effective.as_deref().map_or_else(
         || {
-            eprintln!("warning: one of the runs has no params/effective.yaml: parameters are not compared");
+            tell("warning: one of the runs has no params/effective.yaml: parameters are not compared");
             Vec::new()
         },
         parameter_differences,

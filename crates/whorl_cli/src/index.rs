@@ -12,7 +12,7 @@ use whorl_math::words::or_did_you_mean;
 use whorl_report::{IndexRow, IndexedCampaign, index_html};
 use whorl_tables::{Table, Values};
 
-use crate::output::{JsonArgument, say};
+use crate::output::{JsonArgument, say, tell};
 use crate::runs::write;
 
 /// Folders below a given one that are searched for runs: DATE/RUN and the like.
@@ -131,7 +131,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         say!("table: {}", path.display());
     }
     for problem in &unreadable {
-        eprintln!("warning: {problem}");
+        tell(format_args!("warning: {problem}"));
     }
     if let Some(path) = &arguments.html {
         let base = path.parent().unwrap_or(Path::new(""));

@@ -1,6 +1,6 @@
 //! The `whorl` command.
 
-#![deny(clippy::print_stdout)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 #![allow(
     rustdoc::broken_intra_doc_links,
     rustdoc::invalid_html_tags,
@@ -206,7 +206,7 @@ fn main() -> ExitCode {
     let status = carried_out(command);
     match output::failure() {
         Some(failure) => {
-            eprintln!("error: {failure}");
+            output::tell(format_args!("error: {failure}"));
             ExitCode::FAILURE
         }
         None => status,
@@ -264,7 +264,7 @@ fn carried_out(command: Command) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", whorl_commands::in_words(&error));
+            output::tell(format_args!("error: {}", whorl_commands::in_words(&error)));
             ExitCode::FAILURE
         }
     }

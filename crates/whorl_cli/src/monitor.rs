@@ -17,7 +17,7 @@ use whorl_ros::SECOND_PUBLISHER;
 use whorl_ros::environment::Network;
 use whorl_security::policy::MONITOR;
 
-use crate::output::{JsonArgument, is_closed, tell, text};
+use crate::output::{JsonArgument, draw, is_closed, printable, tell, text};
 use crate::subscription::Subscription;
 
 /// Name under which the recorder reports in `/diagnostics`.
@@ -293,8 +293,8 @@ impl Screen {
             // Back to the first line of the last view. Long lines are cut at the edge: wrapped ones
             // would not be written over.
             let up = if self.last.is_some() { format!("\x1b[{}A", lines.len()) } else { String::new() };
-            let view: String = lines.iter().map(|line| format!("\x1b[2K{line}\n")).collect();
-            text(&format!("\x1b[?7l{up}\r{view}\x1b[?7h"));
+            let view: String = lines.iter().map(|line| format!("\x1b[2K{}\n", printable(line))).collect();
+            draw(&format!("\x1b[?7l{up}\r{view}\x1b[?7h"));
             self.last = Some(Instant::now());
         } else if self.last.is_none_or(|t| t.elapsed() >= LINE) {
             self.last = Some(Instant::now());

@@ -1,6 +1,6 @@
 //! `whorl new`: from a file of somebody's sensors to the two files that the other commands need.
 
-use std::io::{BufRead as _, IsTerminal as _, Write as _};
+use std::io::{BufRead as _, IsTerminal as _};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -8,7 +8,7 @@ use serde_json::json;
 use whorl_commands::new_rig::questions::{Ask, Nobody};
 use whorl_commands::new_rig::{NewRig, new_rig};
 
-use crate::output::{JsonArgument, say};
+use crate::output::{self, JsonArgument, ask, say};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -83,13 +83,12 @@ struct Terminal;
 
 impl Ask for Terminal {
     fn ask(&mut self, question: &str, suggested: &str) -> Option<String> {
-        eprint!("{question} [{suggested}]: ");
-        std::io::stderr().flush().ok()?;
+        ask(&format!("{question} [{suggested}]: ")).ok()?;
         let mut answer = String::new();
         match std::io::stdin().lock().read_line(&mut answer) {
             Ok(0) | Err(_) => {
                 // Ctrl-D leaves the cursor behind the question.
-                eprintln!();
+                output::tell("");
                 None
             }
             Ok(_) => Some(answer),
@@ -97,6 +96,6 @@ impl Ask for Terminal {
     }
 
     fn object(&mut self, why: &str) {
-        eprintln!("{why}");
+        output::tell(why);
     }
 }

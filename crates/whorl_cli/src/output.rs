@@ -1,5 +1,7 @@
-//! What commands say: words for people, or one JSON value for programs.
+//! What commands say: words for people, or one JSON value for programs. All of it goes through here: names and cells of files, and
+//! texts of anybody on the network, are in it, and a terminal obeys some characters.
 
+use std::borrow::Cow;
 use std::fmt::{self, Display};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -50,7 +52,45 @@ pub fn line(text: fmt::Arguments<'_>) {
 
 /// Prints to the standard error, likewise.
 pub fn tell(text: impl Display) {
-    let _ = writeln!(std::io::stderr(), "{text}");
+    let _ = writeln!(std::io::stderr(), "{}", printable(&text.to_string()));
+}
+
+/// A text in which every character that steers a terminal, or reverses what is read, is written as JSON writes it: `\u001b`. Ends of
+/// lines and tabs stay.
+pub fn printable(text: &str) -> Cow<'_, str> {
+    if !text.contains(steers) {
+        return Cow::Borrowed(text);
+    }
+    let mut plain = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        if steers(c) {
+            plain.push_str(&format!("\\u{:04x}", u32::from(c)));
+        } else {
+            plain.push(c);
+        }
+    }
+    Cow::Owned(plain)
+}
+
+fn steers(c: char) -> bool {
+    let is_direction =
+        matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    c.is_control() && !matches!(c, '\n' | '\t')
+        || is_direction
+        || matches!(c, '\u{2028}' | '\u{2029}' | '\u{feff}')
+}
+
+/// Steers the terminal: what others wrote must be [`printable`] in it.
+pub fn draw(view: &str) {
+    if !IS_FOR_JSON.load(Ordering::Relaxed) {
+        put_bytes(view.as_bytes());
+    }
+}
+
+/// Asks a person on the standard error.
+pub fn ask(question: &str) -> std::io::Result<()> {
+    let mut terminal = std::io::stderr().lock();
+    terminal.write_all(printable(question).as_bytes()).and_then(|()| terminal.flush())
 }
 
 /// Prints text that has its own line ends.
@@ -71,8 +111,12 @@ pub fn failure() -> Option<&'static str> {
 }
 
 fn put(text: fmt::Arguments<'_>) {
+    put_bytes(printable(&text.to_string()).as_bytes());
+}
+
+fn put_bytes(bytes: &[u8]) {
     let mut out = std::io::stdout().lock();
-    match out.write_fmt(text).and_then(|()| out.flush()) {
+    match out.write_all(bytes).and_then(|()| out.flush()) {
         Ok(()) => {}
         Err(error) if error.kind() == ErrorKind::BrokenPipe => IS_CLOSED.store(true, Ordering::Relaxed),
         Err(error) => {
@@ -125,4 +169,23 @@ impl JsonArgument {
 
 fn is_standard_output(path: &Path) -> bool {
     path.as_os_str() == STANDARD_OUTPUT
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_steers_a_terminal_is_written_out_and_words_stay_as_they_are() {
+        assert!(matches!(printable("\u{c5}ngstr\u{f6}m\t1 \u{2013} 2\nx \u{1f4a5}"), Cow::Borrowed(_)));
+        // Clipboard, title, screen, colour; the same with one character; a carriage return that writes over; a reversal.
+        let hostile = "\x1b]52;c;cHduZWQ=\x07\x1b]0;T\x07\x1b[2J\x1b[31m\u{9b}2J\r\x08\x7f\u{202e}\u{2028}\0";
+        let plain = printable(hostile);
+        assert!(plain.starts_with("\\u001b]52;c;cHduZWQ=\\u0007\\u001b]0;T"), "{plain}");
+        assert!(plain.ends_with("\\u009b2J\\u000d\\u0008\\u007f\\u202e\\u2028\\u0000"), "{plain}");
+        assert!(plain.chars().all(|c| c.is_ascii() && !c.is_control()), "{plain}");
+        // In a JSON text it is the same text as before.
+        let json = serde_json::to_string(hostile).unwrap();
+        assert_eq!(serde_json::from_str::<String>(&printable(&json)).unwrap(), hostile);
+    }
 }

@@ -5,6 +5,8 @@ use std::io::{IsTerminal as _, Write as _};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
+use crate::output::{printable, tell};
+
 /// Shorter computations show no progress.
 const WORTH_SAYING: Duration = Duration::from_secs(1);
 
@@ -43,7 +45,7 @@ pub fn watched<T>(what: &str, work: impl FnOnce(&mut dyn FnMut(f64, &str)) -> T)
                 if !is_terminal {
                     if begun.elapsed() >= next_line {
                         next_line += LINE;
-                        eprintln!("{}", line(state.0, &state.1, reported, begun.elapsed()).trim_end());
+                        tell(line(state.0, &state.1, reported, begun.elapsed()).trim_end());
                     }
                 } else if begun.elapsed() > WORTH_SAYING {
                     draw(&line(state.0, &state.1, reported, begun.elapsed()));
@@ -68,7 +70,7 @@ pub fn watched<T>(what: &str, work: impl FnOnce(&mut dyn FnMut(f64, &str)) -> T)
 fn draw(line: &str) {
     let mut terminal = std::io::stderr().lock();
     // The work goes on if the terminal is closed.
-    let _ = write!(terminal, "\r\x1b[K{line}").and_then(|()| terminal.flush());
+    let _ = write!(terminal, "\r\x1b[K{}", printable(line)).and_then(|()| terminal.flush());
 }
 
 /// Bar, share done, current step, time since the beginning, and time left: as long as what was done when the share was `reported`

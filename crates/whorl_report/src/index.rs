@@ -67,7 +67,7 @@ pub fn index_html(title: &str, rows: &[IndexRow], campaigns: &[IndexedCampaign])
                 @for campaign in campaigns {
                     li {
                         @match &campaign.link {
-                            Some(link) => a href=(link) { (campaign.name) },
+                            Some(link) => a href=(address(link)) { (campaign.name) },
                             None => (campaign.name),
                         }
                         ": " (campaign.runs_done) " runs done"
@@ -80,13 +80,27 @@ pub fn index_html(title: &str, rows: &[IndexRow], campaigns: &[IndexedCampaign])
     page.finish()
 }
 
+/// The address of a file, as a page names it: what has a meaning in addresses, or is not ASCII, is encoded (RFC 3986, section 2.1), and
+/// a name that looks like a scheme, as `javascript:` does, is a name.
+fn address(path: &str) -> String {
+    let mut address = if path.starts_with('/') { String::new() } else { "./".to_owned() };
+    for byte in path.bytes() {
+        if byte.is_ascii_alphanumeric() || b"-._~/".contains(&byte) {
+            address.push(char::from(byte));
+        } else {
+            address.push_str(&format!("%{byte:02X}"));
+        }
+    }
+    address
+}
+
 fn table_row(row: &IndexRow) -> Markup {
     html! {
         tr class=[row.failed.then_some("fault")] title=(row.because) {
             @for (cell, heading) in row.cells.iter().zip(HEADINGS) {
                 td class=[heading.starts_with('#').then_some("n")] {
                     @match (&row.link, heading) {
-                        (Some(link), "run") => a href=(link) { (cell) },
+                        (Some(link), "run") => a href=(address(link)) { (cell) },
                         _ => (cell),
                     }
                 }
@@ -98,6 +112,19 @@ fn table_row(row: &IndexRow) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_of_folders_are_names_and_no_addresses() {
+        for (name, expected) in [
+            ("a/report.html", "./a/report.html"),
+            ("javascript:alert(1)/report.html", "./javascript%3Aalert%281%29/report.html"),
+            ("a#b?c%41/report.html", "./a%23b%3Fc%2541/report.html"),
+            ("/runs/a b/x", "/runs/a%20b/x"),
+            ("\u{e9}\"/x", "./%C3%A9%22/x"),
+        ] {
+            assert_eq!(address(name), expected);
+        }
+    }
 
     #[test]
     fn runs_link_to_their_pages_and_failures_say_why() {
@@ -113,8 +140,8 @@ mod tests {
             link: Some("link/percentiles.html".to_owned()),
         };
         let page = index_html("Runs", &[row], &[campaign]);
-        assert!(page.contains("<a href=\"a/report.html\">cell 0</a>"), "{page}");
-        assert!(page.contains("<a href=\"link/percentiles.html\">link</a>: 7 runs done"), "{page}");
+        assert!(page.contains("<a href=\"./a/report.html\">cell 0</a>"), "{page}");
+        assert!(page.contains("<a href=\"./link/percentiles.html\">link</a>: 7 runs done"), "{page}");
         assert!(page.contains("<tr class=\"fault\" title=\"FAILED: safe mode\">"));
         assert!(page.contains("1 runs, 1 failed"));
     }

@@ -8,7 +8,7 @@ use whorl_campaign::Part;
 use whorl_campaign::slurm::{Job, SlurmError, queued};
 use whorl_campaign::work::Folder;
 
-use crate::output::say;
+use crate::output::{printable, say, tell};
 
 /// Time between two looks at the queue.
 const TICK: Duration = Duration::from_secs(2);
@@ -79,7 +79,7 @@ fn follow(number: &str, folder: &Folder, total: u64, noun: &str) -> anyhow::Resu
         std::thread::sleep(TICK);
     }
     if std::io::stderr().is_terminal() {
-        eprintln!();
+        tell("");
     }
     Ok(())
 }
@@ -88,6 +88,6 @@ fn show(state: &str) {
     let mut terminal = std::io::stderr().lock();
     if terminal.is_terminal() {
         // The job goes on if the terminal is closed.
-        let _ = write!(terminal, "\r\x1b[K{state}").and_then(|()| terminal.flush());
+        let _ = write!(terminal, "\r\x1b[K{}", printable(state)).and_then(|()| terminal.flush());
     }
 }
