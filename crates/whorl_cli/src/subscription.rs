@@ -4,6 +4,9 @@ use whorl_msgs::topics::{Message, PlatformId, Route, Topic};
 use whorl_ros::environment::Network;
 use whorl_ros::{EndpointQos, Participant, RawReader};
 
+/// Samples that are skipped in one go.
+const MOST_UNREADABLE: usize = 100;
+
 /// Readers of some topics; they join the network anew when DDS fails.
 pub struct Subscription {
     network: Network,
@@ -55,8 +58,14 @@ impl Subscription {
         }
         for (number, (route, reader)) in (0u32..).zip(&self.readers) {
             reader.drain_notifications();
-            while let Some(sample) = reader.take()? {
-                take(number, *route, sample.bytes);
+            // A sample that cannot be read is skipped; a stranger who sends nothing else does not keep this from going on.
+            let mut unreadable = 0;
+            while unreadable < MOST_UNREADABLE {
+                match reader.take() {
+                    Ok(Some(sample)) => take(number, *route, sample.bytes),
+                    Ok(None) => break,
+                    Err(_) => unreadable += 1,
+                }
             }
         }
         Ok(())

@@ -230,6 +230,9 @@ impl Collector {
             self.formation_from += 1;
         }
         let last = until_s.min(run.duration_s + 1e-9);
+        while !self.numbers_only && run.grid.coarsen(last) {
+            run.platforms.values_mut().for_each(|data| crate::frames::every_other(&mut data.frames));
+        }
         let times: Vec<f64> = if self.numbers_only { vec![] } else { run.grid.until(last).collect() };
         for (name, data) in &mut run.platforms {
             let Some(window) = self.windows.get_mut(name) else { continue };
@@ -237,9 +240,6 @@ impl Collector {
             data.frames.extend(times.iter().map(|t| window.frame(*t)));
             data.evaluate(window, until_s, run.running, &run.holds);
             window.forget(until_s);
-        }
-        if run.grid.coarsen() {
-            run.platforms.values_mut().for_each(|data| crate::frames::every_other(&mut data.frames));
         }
     }
 }

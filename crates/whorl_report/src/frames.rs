@@ -31,7 +31,7 @@ impl Grid {
         self.frames
     }
 
-    /// The frames before a time that are not there yet.
+    /// The frames before a time that are not there yet; see [`Self::coarsen`].
     pub fn until(&mut self, time_s: f64) -> impl Iterator<Item = f64> + use<> {
         let (begin, step_s) = (self.frames, self.step_s);
         while (self.frames as f64) * step_s < time_s {
@@ -40,9 +40,10 @@ impl Grid {
         (begin..self.frames).map(move |i| i as f64 * step_s)
     }
 
-    /// Whether the step has been doubled: there were too many frames.
-    pub fn coarsen(&mut self) -> bool {
-        let many = self.frames > FRAMES;
+    /// Whether the step has been doubled: there would be too many frames before this time. To be asked again until it has not, and
+    /// before the frames are made: a clock that jumps by years asks for billions.
+    pub fn coarsen(&mut self, time_s: f64) -> bool {
+        let many = time_s > FRAMES as f64 * self.step_s;
         if many {
             self.step_s *= 2.0;
             self.frames = self.frames.div_ceil(2);
@@ -82,15 +83,29 @@ mod tests {
         let mut grid = Grid::default();
         let mut times: Vec<f64> = Vec::new();
         for k in 1..=8640 {
-            times.extend(grid.until(f64::from(k) * 10.0));
-            if grid.coarsen() {
+            let time_s = f64::from(k) * 10.0;
+            while grid.coarsen(time_s) {
                 times = times.into_iter().step_by(2).collect();
             }
+            times.extend(grid.until(time_s));
         }
         assert!(times.len() <= FRAMES && times.len() >= FRAMES / 2 && times.len() == grid.frames());
         for (k, t) in times.iter().enumerate() {
             assert!((t - k as f64 * grid.step_s()).abs() < 1e-9, "{k}: {t}");
         }
         assert!(times.last().is_some_and(|t| *t > 86_400.0 - grid.step_s() - 1e-9));
+    }
+
+    #[test]
+    fn a_clock_that_jumps_by_centuries_makes_no_more_frames() {
+        let mut grid = Grid::default();
+        let begin: Vec<f64> = grid.until(10.0).collect();
+        let end_s = 9.2e9;
+        let mut kept = begin.len();
+        while grid.coarsen(end_s) {
+            kept = kept.div_ceil(2);
+        }
+        let after = grid.until(end_s).count();
+        assert!(kept + after <= FRAMES && kept + after == grid.frames(), "{kept} and {after}");
     }
 }

@@ -37,6 +37,16 @@ pub enum RosError {
         /// DDS name of the topic.
         topic: String,
     },
+    /// A message that nobody of Whorl sends.
+    #[error("{topic}: a message of {} kB was dropped; allowed: up to {} kB", bytes >> 10, allowed >> 10)]
+    TooLarge {
+        /// DDS name of the topic.
+        topic: String,
+        /// Its size.
+        bytes: usize,
+        /// The largest that is taken.
+        allowed: usize,
+    },
     /// A message that could not be encoded or decoded.
     #[error(transparent)]
     Cdr(#[from] whorl_msgs::cdr::CdrError),

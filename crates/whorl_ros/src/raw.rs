@@ -16,6 +16,9 @@ use whorl_node::Timestamp;
 use crate::error::RosError;
 use crate::worker::Kept;
 
+/// No message of Whorl is larger than some kilobytes \[bytes\]. Kept and recorded, fifty a second of eight megabytes take all memory.
+const LARGEST_SAMPLE: usize = 1 << 20;
+
 /// Identifies a writer or reader on the network: 12 bytes of the participant, 4 of the endpoint.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct EndpointId(pub [u8; 16]);
@@ -130,20 +133,29 @@ impl RawReader {
     /// The next message, or `None` when there is none now.
     ///
     /// # Errors
-    /// When a sample is not plain CDR, or DDS fails. The sample is then skipped.
+    /// When a sample is not plain CDR, or larger than any of Whorl's, or DDS fails. The sample is then skipped.
     pub fn take(&self) -> Result<Option<RawSample>, RosError> {
-        match self.reader.try_take_one() {
-            Ok(None) => Ok(None),
-            Ok(Some(change)) => Ok(Some(RawSample {
-                writer: change.writer_guid().into(),
-                sequence_number: i64::from(change.sequence_number),
-                source_time: change.source_timestamp().map(timestamp),
-                receive_time: timestamp(change.receive_instant),
-                related: change.related_sample_identity(),
-                bytes: change.into_value(),
-            })),
-            Err(error) => Err(RosError::dds(format!("reading {}", self.topic), error)),
+        let change = match self.reader.try_take_one() {
+            Ok(None) => return Ok(None),
+            Ok(Some(change)) => change,
+            Err(error) => return Err(RosError::dds(format!("reading {}", self.topic), error)),
+        };
+        let sample = RawSample {
+            writer: change.writer_guid().into(),
+            sequence_number: i64::from(change.sequence_number),
+            source_time: change.source_timestamp().map(timestamp),
+            receive_time: timestamp(change.receive_instant),
+            related: change.related_sample_identity(),
+            bytes: change.into_value(),
+        };
+        if sample.bytes.len() > LARGEST_SAMPLE {
+            return Err(RosError::TooLarge {
+                topic: self.topic.clone(),
+                bytes: sample.bytes.len(),
+                allowed: LARGEST_SAMPLE,
+            });
         }
+        Ok(Some(sample))
     }
 
     /// Clears past wake-ups; call it before taking samples, or new wake-ups may be missed.

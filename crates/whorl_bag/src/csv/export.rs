@@ -228,4 +228,16 @@ mod tests {
         let text = std::fs::read_to_string(out.join("diagnostics.csv")).unwrap();
         assert_eq!(text.lines().nth(1).unwrap(), "0.000000000,0.000000000,,0,,\"a, \"\"b\"\"\",");
     }
+
+    #[test]
+    fn every_topic_has_a_file_of_its_own_whatever_it_is_called() {
+        let mut taken = BTreeSet::new();
+        let long = format!("/{}", "x".repeat(300));
+        let topics = ["/a/b", "a_b", "/A/b", &long, &long, "", "/../../e", "..", "/nl\nx"];
+        let names: Vec<String> = topics.iter().map(|topic| own_name(topic, &mut taken)).collect();
+        let cut = "x".repeat(LONGEST_NAME);
+        let expected = ["a_b", "a_b_2", "A_b_3", &cut, &format!("{cut}_2"), "_", "_.._.._e", "_..", "nl_x"];
+        assert_eq!(names, expected);
+        assert!(names.iter().all(|name| name.len() < 250 && !name.contains('/')));
+    }
 }

@@ -188,7 +188,9 @@ fn messages_show_the_beginning_of_what_is_wrong() {
     let why = read(MAP, cell).err().unwrap();
     assert!(why.contains("(900000 characters)") && why.len() < 300, "{why}");
     let header =
-        format!("{}\n0,1\n", (0..40_000).map(|k| format!("column_{k}")).collect::<Vec<_>>().join(","));
-    let why = read(MAP, header).err().unwrap();
+        |count| format!("{}\n0,1\n", (0..count).map(|k| format!("column_{k}")).collect::<Vec<_>>().join(","));
+    let why = read(MAP, header(4_000)).err().unwrap();
     assert!(why.contains("column_0") && why.len() < 2500, "{}", why.len());
+    let why = read(MAP, header(4_001)).err().unwrap();
+    assert!(why.contains("4001 columns; allowed: up to 4000"), "{why}");
 }

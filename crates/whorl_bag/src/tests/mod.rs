@@ -1,5 +1,6 @@
 //! Tests of writing, reading, recovering and runs together.
 
+mod bombs;
 mod disk_full;
 mod foreign;
 mod memory;
