@@ -85,7 +85,8 @@ impl Run {
     fn process_of_page(&self) -> Pid {
         wait_for("the page's process", STARTUP, || {
             let user = rustix::process::getuid().as_raw();
-            let folder = self.formation.folder().join(format!("whorl-{user}-domain-{}", self.formation.domain()));
+            let folder =
+                self.formation.folder().join(format!("whorl-{user}-domain-{}", self.formation.domain()));
             let id = std::fs::read_to_string(folder.join("live.screen")).ok()?;
             Pid::from_raw(id.trim().parse().ok()?)
         })
@@ -151,21 +152,18 @@ fn by_page(run: &Run, verb: Verb) -> Result<(), String> {
 }
 
 fn by_script(run: &Run, verb: Verb) -> Result<(), String> {
-    let participant = Participant::new(&run.formation.network(OPERATOR)).map_err(|error| error.to_string())?;
+    let participant =
+        Participant::new(&run.formation.network(OPERATOR)).map_err(|error| error.to_string())?;
     let answer = match verb {
-        Verb::Hold => ask(
-            &participant,
-            Service::HoldExperiment,
-            &HoldExperimentRequest { reason: REASON.to_owned() },
-        ),
+        Verb::Hold => {
+            ask(&participant, Service::HoldExperiment, &HoldExperimentRequest { reason: REASON.to_owned() })
+        }
         Verb::Start => {
             ask(&participant, Service::StartExperiment, &StartExperimentRequest { experiment: String::new() })
         }
-        Verb::Abort => ask(
-            &participant,
-            Service::AbortExperiment,
-            &AbortExperimentRequest { reason: REASON.to_owned() },
-        ),
+        Verb::Abort => {
+            ask(&participant, Service::AbortExperiment, &AbortExperimentRequest { reason: REASON.to_owned() })
+        }
     }?;
     if answer.success { Ok(()) } else { Err(answer.message) }
 }

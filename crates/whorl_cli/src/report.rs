@@ -8,7 +8,7 @@ pub use whorl_commands::report::{Written, effective_parameters, read, write};
 use whorl_math::deg_from_rad;
 use whorl_report::Summary;
 
-use crate::output::{JsonArgument, say};
+use crate::output::{JsonArgument, say, tell};
 use crate::progress;
 
 /// Carries out `whorl report`.
@@ -38,6 +38,9 @@ pub fn as_json(run: &Path, report: &Written) -> anyhow::Result<Value> {
 /// The headline numbers, where the page is, and the verdict: the last line is what a run came to.
 pub fn print(report: &Written) {
     print_headline(&report.summary);
+    if let Some(why) = &report.not_kept {
+        tell(format_args!("warning: the numbers are not kept with the run: {why}"));
+    }
     say!("report: {}", report.page.display());
     say!("verdict: {}", report.verdict.line);
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::output::JsonArgument;
+use crate::output::{JsonArgument, tell};
 
 use whorl_objects::is_remote;
 
@@ -68,7 +68,7 @@ impl OutputArguments {
     }
 
     /// Writes the page to `--html`, else into the first run's directory, else beside its file; in the working directory for runs in
-    /// object storage. Returns the path.
+    /// object storage, and where nothing can be written: what it took minutes to find is not lost. Returns the path.
     pub fn write_page(&self, runs: &RunArguments, name: &str, html: &str) -> anyhow::Result<PathBuf> {
         let first = runs.runs.first().map_or(Path::new(""), PathBuf::as_path);
         let beside = || match first {
@@ -76,8 +76,19 @@ impl OutputArguments {
             folder if folder.is_dir() => folder.join(name),
             file => file.with_file_name(name),
         };
-        let path = self.html.clone().unwrap_or_else(beside);
-        write(&path, html)?;
+        let mut path = self.html.clone().unwrap_or_else(beside);
+        if let Err(error) = write(&path, html) {
+            let here = PathBuf::from(name);
+            if self.html.is_some() || path == here {
+                return Err(error);
+            }
+            tell(format_args!(
+                "warning: {}: the page is in the working directory",
+                whorl_commands::in_words(&error)
+            ));
+            path = here;
+            write(&path, html)?;
+        }
         link_pages_beside(&path)?;
         Ok(path)
     }

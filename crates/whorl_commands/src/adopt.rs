@@ -38,7 +38,8 @@ pub fn write(
     }
     if !out.exists() {
         let source = runs.known.files.last().context("there is no parameter file to start from")?;
-        let text = whorl_files::read_text(source).with_context(|| format!("cannot read {}", source.display()))?;
+        let text =
+            whorl_files::read_text(source).with_context(|| format!("cannot read {}", source.display()))?;
         whorl_files::write_file(out, text).with_context(|| format!("cannot write {}", out.display()))?;
     }
     write_effects(out, adoption, provenance)?;

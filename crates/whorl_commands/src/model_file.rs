@@ -44,7 +44,8 @@ pub fn prepare_out(out: &Path, known: &KnownPlatform) -> anyhow::Result<()> {
     let file = file.context("no file of the model to copy; name an existing --out")?;
     // The text and not the file: its permissions may be those of a template.
     let text = std::fs::read(file).with_context(|| format!("cannot read {}", file.display()))?;
-    whorl_files::write_file(out, text).with_context(|| format!("cannot copy {} to {}", file.display(), out.display()))
+    whorl_files::write_file(out, text)
+        .with_context(|| format!("cannot copy {} to {}", file.display(), out.display()))
 }
 
 /// Writes the file anew with all changes, or leaves it as it is.

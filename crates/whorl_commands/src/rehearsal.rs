@@ -58,7 +58,8 @@ impl Stage {
         text = text.replace("      simulated_for_design.placeholder: 0.0\n", &lines.concat());
         if !lines.is_empty() {
             let path = folder.join("truth").join(format!("{}.yaml", known.platform));
-            whorl_files::write_file(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+            whorl_files::write_file(&path, text)
+                .with_context(|| format!("cannot write {}", path.display()))?;
         }
         Ok(stage)
     }

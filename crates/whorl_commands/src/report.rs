@@ -1,14 +1,19 @@
 //! Page and numbers of a recorded run.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use whorl_bag::{Manifest, RunDirectory, RunState};
+use whorl_bag::{BagError, Manifest, RunDirectory, RunState};
+use whorl_files::NewFile;
 use whorl_math::rad_from_deg;
 use whorl_params::ParameterTree;
 use whorl_report::{Circumstances, Collector, Description, RunData, RunVerdict, Summary, TopicRow};
 
 use crate::shapes::{number, shapes};
+
+/// Key of the recorder's note that its computer's clock was set.
+const CLOCK_SET: &str = "clock_set";
 
 /// What was written, and what the run came to.
 #[derive(Debug)]
@@ -19,6 +24,8 @@ pub struct Written {
     pub summary: Summary,
     /// The verdict.
     pub verdict: RunVerdict,
+    /// Why the numbers could not be kept with the run, if they could not.
+    pub not_kept: Option<String>,
 }
 
 /// A run in memory.
@@ -38,10 +45,15 @@ pub struct ReadRun {
 /// When there are none, or they cannot be read.
 pub fn read(path: &Path) -> anyhow::Result<ReadRun> {
     let mut directory = RunDirectory::open(path)?;
-    let recovery = match directory.manifest().map(|m| m.state.clone()) {
-        Some(RunState::Recording) => directory.recover().map(Some)?,
-        _ => None,
-    };
+    let recovered = directory.manifest().is_some_and(|m| m.state == RunState::Recording);
+    if recovered {
+        match directory.recover() {
+            Ok(_) => {}
+            // Where nothing can be written what is there is read as it is.
+            Err(BagError::Io { .. } | BagError::DiskFull { .. }) => directory = RunDirectory::open(path)?,
+            Err(error) => return Err(error.into()),
+        }
+    }
     let bag = directory.bag()?;
     let mut data = Collector::default();
     let mut undecodable = 0u64;
@@ -66,7 +78,7 @@ pub fn read(path: &Path) -> anyhow::Result<ReadRun> {
             bag.topics().iter().map(|t| t.name.as_str()).collect::<Vec<_>>().join(", ")
         );
     }
-    Ok(ReadRun { data, directory, recovered: recovery.is_some(), undecodable })
+    Ok(ReadRun { data, directory, recovered, undecodable })
 }
 
 /// Writes page and numbers of one run; the page goes to `html`, else into the run.
@@ -74,6 +86,13 @@ pub fn read(path: &Path) -> anyhow::Result<ReadRun> {
 /// # Errors
 /// As [`read`], and when a file cannot be written.
 pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
+    let page = html.map_or_else(
+        || if path.is_dir() { path.join("report.html") } else { path.with_extension("html") },
+        Path::to_owned,
+    );
+    // Before the work, which may take minutes.
+    let mut file = NewFile::create(&page)
+        .with_context(|| format!("cannot write {}; --html takes another place", page.display()))?;
     let ReadRun { data, directory: run, recovered, undecodable } = read(path)?;
     let manifest = run.manifest_or_from_bag()?;
     let summary = whorl_report::summarise(&data);
@@ -90,23 +109,21 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
     if undecodable > 0 {
         description.warnings.push(format!("{undecodable} messages do not fit their type and were left out."));
     }
-    let page = html.map_or_else(
-        || if path.is_dir() { path.join("report.html") } else { path.with_extension("html") },
-        Path::to_owned,
-    );
     let verdict = whorl_report::judge(
         &data,
         &summary,
         &circumstances(description.target_rad, &manifest, parameters.as_ref()),
     );
-    whorl_files::write_file(&page, whorl_report::html(&data, &summary, &verdict, &description))
+    file.write_all(whorl_report::html(&data, &summary, &verdict, &description).as_bytes())
+        .and_then(|()| file.finish())
         .with_context(|| format!("cannot write {}", page.display()))?;
     crate::runs::link_pages_beside(&page)?;
+    let mut not_kept = None;
     if let serde_json::Value::Object(mut entries) = serde_json::to_value(&summary)? {
         entries.insert("verdict".to_owned(), serde_json::to_value(&verdict)?);
-        run.update_summary(&entries)?;
+        not_kept = run.update_summary(&entries).err().map(|error| error.to_string());
     }
-    Ok(Written { page, summary, verdict })
+    Ok(Written { page, summary, verdict, not_kept })
 }
 
 /// Gas in the tank of a platform's model at the start \[kg\]; `None` without jets.
@@ -139,6 +156,12 @@ fn circumstances(
         messages: manifest.message_count(),
         lost: manifest.lost(),
         secured: manifest.description.is_secured(),
+        clock_set: manifest
+            .description
+            .notes
+            .iter()
+            .find(|(key, _)| key == CLOCK_SET)
+            .map(|(_, said)| said.clone()),
     }
 }
 

@@ -172,7 +172,8 @@ impl Domain {
 
     /// Fails unless the folder is there, is no link, belongs to this user, and nobody else may write to it.
     fn check_folder(&self) -> Result<(), LaunchError> {
-        let found = std::fs::symlink_metadata(&self.folder).map_err(LaunchError::io("cannot read", &self.folder))?;
+        let found =
+            std::fs::symlink_metadata(&self.folder).map_err(LaunchError::io("cannot read", &self.folder))?;
         let why = if !found.is_dir() {
             "is no folder".to_owned()
         } else if found.uid() != geteuid().as_raw() {
@@ -246,7 +247,8 @@ impl Domain {
         end(&recorders, RECORDER_ENDS);
         let files = std::fs::read_dir(&self.folder).into_iter().flatten().flatten().map(|entry| entry.path());
         for path in files.filter(|path| {
-            path.extension().is_some_and(|e| ["pid", "supervisor", "progress", SCREEN].iter().any(|own| e == *own))
+            path.extension()
+                .is_some_and(|e| ["pid", "supervisor", "progress", SCREEN].iter().any(|own| e == *own))
         }) {
             let _ = std::fs::remove_file(path);
         }
@@ -288,7 +290,13 @@ impl Domain {
 /// Opens a file that is only locked, and makes it where there is none. It may belong to another user: only the owner may write
 /// to it, but all users may lock it. No link is followed, and nothing that is no file is waited for.
 fn open_lock(path: &Path) -> std::io::Result<File> {
-    let open = || rustix::fs::open(path, OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty());
+    let open = || {
+        rustix::fs::open(
+            path,
+            OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC,
+            Mode::empty(),
+        )
+    };
     match open() {
         Ok(file) => Ok(file.into()),
         Err(rustix::io::Errno::NOENT) => match OpenOptions::new().create_new(true).write(true).open(path) {

@@ -29,7 +29,7 @@ pub struct Summary {
 }
 
 /// Relative pointing of one platform with respect to its leader, while the formation holds.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct PairSummary {
     /// The platform.
     pub follower: String,

@@ -37,6 +37,8 @@ pub struct Circumstances {
     pub lost: u64,
     /// Whether traffic was secured.
     pub secured: bool,
+    /// What the recorder noted when its computer's clock was set, the first time.
+    pub clock_set: Option<String>,
 }
 
 /// What a run came to.
@@ -137,8 +139,12 @@ pub fn judge(run: &RunData, summary: &Summary, circumstances: &Circumstances) ->
             }
             // An error that is not known has not met its target.
             Some(target_rad) => {
-                let found =
-                    if error_deg.is_finite() { format!("{error_deg:.3} deg") } else { "unknown".to_owned() };
+                let found = match &circumstances.clock_set {
+                    _ if error_deg.is_finite() => format!("{error_deg:.3} deg"),
+                    // Errors compare messages by their stamps.
+                    Some(said) => format!("unknown, as {said}"),
+                    None => "unknown".to_owned(),
+                };
                 reasons
                     .push(format!("target missed: {of} {found}, target {:.3} deg", deg_from_rad(target_rad)));
             }
@@ -173,6 +179,9 @@ pub fn judge(run: &RunData, summary: &Summary, circumstances: &Circumstances) ->
     }
     if let Some(why) = &circumstances.incomplete {
         reasons.push(format!("the recording is not complete: {why}"));
+    }
+    if let Some(said) = &circumstances.clock_set {
+        notes.push(format!("{said}: what was measured before and after does not fit together"));
     }
     let overloaded = late_timers as f64 > LATE_PER_S * summary.duration_s;
     if overloaded {
@@ -375,6 +384,31 @@ mod tests {
             judge(&RunData::default(), &crate::metrics::summarise(&RunData::default()), &target).result,
             Result::NotJudged
         );
+    }
+
+    #[test]
+    fn a_clock_that_was_set_is_named_as_the_cause() {
+        let run = run(FormationState::PHASE_FINISHED, |_| TRACKING, |_| false).finish();
+        let mut summary = crate::metrics::summarise(&run);
+        let pair = crate::PairSummary {
+            follower: "whorl_2".to_owned(),
+            leader: "whorl_1".to_owned(),
+            hold_s: 5.0,
+            relative_error_rms_rad: f64::NAN,
+            ..Default::default()
+        };
+        summary.pairs = vec![pair];
+        let said = "this computer's clock was set by -3600.000 s at 12 s".to_owned();
+        let target = Circumstances { target_rad: Some(0.002), ..Circumstances::default() };
+        let plain = judge(&run, &summary, &target);
+        assert!(
+            plain.line.contains("whorl_2 to whorl_1 unknown, target") && !plain.line.contains("clock"),
+            "{}",
+            plain.line
+        );
+        let set = judge(&run, &summary, &Circumstances { clock_set: Some(said.clone()), ..target });
+        assert!(set.reasons[0].contains(&format!("unknown, as {said}")), "{}", set.line);
+        assert!(set.notes.iter().any(|note| note.starts_with(&said)), "{}", set.line);
     }
 
     #[test]

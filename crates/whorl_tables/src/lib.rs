@@ -161,8 +161,7 @@ impl Table {
             fs::create_dir_all(folder).map_err(io("create", folder))?;
         }
         let mut file = NewFile::create(path).map_err(io("create", path))?;
-        self.write_to(&mut file)
-            .map_err(|source| TableError::Parquet { path: path.to_owned(), source })?;
+        self.write_to(&mut file).map_err(|source| TableError::Parquet { path: path.to_owned(), source })?;
         file.finish().map_err(io("write", path))
     }
 

@@ -113,7 +113,8 @@ fn hidden_effect(arguments: &HiddenEffect, session: &Session) -> anyhow::Result<
         .open(&common)
         .and_then(|mut file| file.write_all(MONITOR_OFF.as_bytes()))
         .with_context(|| format!("cannot write {}", common.display()))?;
-    whorl_files::write_file(&truth, &secret.truth).with_context(|| format!("cannot write {}", truth.display()))?;
+    whorl_files::write_file(&truth, &secret.truth)
+        .with_context(|| format!("cannot write {}", truth.display()))?;
 
     session
         .headline(&format!("an experiment, twice: the first run is fitted, the second judges (seed {seed})"));

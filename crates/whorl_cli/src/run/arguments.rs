@@ -116,6 +116,10 @@ impl Folders {
     /// Creates the directory of a new run.
     pub fn new_run(&self, out: Option<&Path>, setup: &Setup) -> anyhow::Result<PathBuf> {
         let runs = out.map_or_else(|| self.root.join("runs"), Path::to_owned);
+        // Nodes are told by parameters, which are texts.
+        if runs.to_str().is_none() {
+            anyhow::bail!("{}: a folder of runs needs a name in UTF-8", runs.display());
+        }
         Ok(whorl_bag::new_run_directory(&runs, &setup.experiment_name(), whorl_ros::wall_clock())?)
     }
 }

@@ -75,9 +75,8 @@ fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
         Surroundings { platforms: &setup.platforms, environment: &environment, domain: &domain };
     let is_for_programs = arguments.json.takes_standard_output();
     let of = |where_else| if is_for_programs { where_else } else { Words::Output };
-    let mut page = arguments
-        .live
-        .then(|| Screen::live_page(&surroundings, &run, arguments.live_port, of(Words::Error)));
+    let mut page =
+        arguments.live.then(|| Screen::live_page(&surroundings, &run, arguments.live_port, of(Words::Error)));
     let mut monitor = Screen::monitor(&surroundings, of(Words::Nowhere));
     let status = match started {
         Ok(()) => watch(&mut supervisor, Some(&mut monitor), page.as_mut(), &interrupted),

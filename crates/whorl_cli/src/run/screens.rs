@@ -119,7 +119,11 @@ impl Screen {
             0 => "is started again".to_owned(),
             wait_s => format!("is started again in {wait_s} s, as it ended often"),
         };
-        tell(format_args!("warning: `whorl {}` ended with status {} and {again}", self.label, shell_status(status)));
+        tell(format_args!(
+            "warning: `whorl {}` ended with status {} and {again}",
+            self.label,
+            shell_status(status)
+        ));
         None
     }
 

@@ -16,8 +16,8 @@ pub fn fingerprint(plan: &Plan) -> anyhow::Result<String> {
     let first_of_each = plan.len().div_euclid(plan.definition.experiments.len().max(1) as u64).max(1);
     for k in 0..plan.definition.experiments.len() as u64 {
         for layer in plan.run(k * first_of_each).map(|spec| spec.layers).unwrap_or_default() {
-            let content = whorl_files::read_text(&layer)
-                .with_context(|| format!("cannot read {}", layer.display()))?;
+            let content =
+                whorl_files::read_text(&layer).with_context(|| format!("cannot read {}", layer.display()))?;
             // Not its folder: the same campaign may be given by other spellings of its paths.
             let name = layer.file_name().unwrap_or_default().to_string_lossy();
             text.push_str(&format!("# {name}\n{content}\n"));

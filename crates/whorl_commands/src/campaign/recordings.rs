@@ -205,7 +205,8 @@ impl RecordingPlan {
             folder.rows(self.len(), |index, text| serde_json::from_str(text).map(|row| (index, row)))?;
         let table = answers::table(self.definition.question, &rows);
         let csv = folder.path().join("summary.csv");
-        whorl_files::write_file(&csv, table.csv_text()?).with_context(|| format!("cannot write {}", csv.display()))?;
+        whorl_files::write_file(&csv, table.csv_text()?)
+            .with_context(|| format!("cannot write {}", csv.display()))?;
         let parquet = folder.path().join("table");
         table.write(&parquet.join("rows.parquet"))?;
         let further = answers::further(self.definition.question, &rows, folder)?;
