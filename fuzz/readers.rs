@@ -12,8 +12,8 @@ use whorl_recording::{KnownPlatform, read_csv, read_model, read_run};
 pub type Reader = fn(&[u8]);
 
 /// Of every kind of file and message, by the name of its target.
-pub const READERS: [(&str, Reader); 5] =
-    [("cdr", cdr), ("mcap", mcap), ("csv", csv), ("yaml", yaml), ("manifest", manifest)];
+pub const READERS: [(&str, Reader); 6] =
+    [("cdr", cdr), ("mcap", mcap), ("csv", csv), ("yaml", yaml), ("map", map), ("manifest", manifest)];
 
 /// A message: its type's number among all types, then its encoding.
 pub fn cdr(data: &[u8]) {
@@ -56,7 +56,7 @@ pub fn csv(data: &[u8]) {
     let _ = read_csv(&folder.file("log.csv", data), &map, &known);
 }
 
-/// Parameters of nodes, a platform, an effect, a map of columns.
+/// Parameters of nodes, a platform, an effect.
 pub fn yaml(data: &[u8]) {
     let folder = Scratch::new();
     let file = folder.file("file.yaml", data);
@@ -67,9 +67,6 @@ pub fn yaml(data: &[u8]) {
             .expect("what was written can be read");
         assert_eq!(again.definition(), effect.definition(), "an effect changes when it is written");
     }
-    if let Ok(map) = CsvMap::load_for(&file, &whorl_recording::platform_parts(&platform())) {
-        let _ = read_csv(&folder.file("log.csv", b"t,x,y,z\n0,1,2,3\n1,2,3,4\n"), &map, &platform());
-    }
     let Ok(text) = std::str::from_utf8(data) else { return };
     if let Ok(tree) = ParameterTree::from_texts(&[("file.yaml", text)], &[]) {
         let _ = tree.for_node("/whorl_1/estimator");
@@ -78,6 +75,17 @@ pub fn yaml(data: &[u8]) {
         if let Ok(edited) = edited {
             ParameterTree::from_texts(&[("file.yaml", &edited)], &[]).expect("what was edited can be read");
         }
+    }
+}
+
+/// A map of columns, and a file that is read by it.
+pub fn map(data: &[u8]) {
+    let folder = Scratch::new();
+    let known = platform();
+    if let Ok(map) =
+        CsvMap::load_for(&folder.file("map.yaml", data), &whorl_recording::platform_parts(&known))
+    {
+        let _ = read_csv(&folder.file("log.csv", b"t,x,y,z\n0,1,2,3\n1,2,3,4\n"), &map, &known);
     }
 }
 

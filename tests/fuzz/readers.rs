@@ -90,6 +90,7 @@ fn seeds(target: &str, generator: &mut Generator) -> Vec<Vec<u8>> {
             .collect(),
         "mcap" => vec![run(generator).1],
         "manifest" => vec![run(generator).0],
+        "map" => vec![MAP.as_bytes().to_vec()],
         "csv" => {
             let columns =
                 "t,x,y,z,a,b,c,u,v,w,n1,n2,n3,j1,j2,j3,j4,j5,j6,j7,j8,j9,j10,j11,j12,volt,qw,qx,qy,qz";
@@ -101,7 +102,7 @@ fn seeds(target: &str, generator: &mut Generator) -> Vec<Vec<u8>> {
             vec![format!("{columns}\n{lines}").into_bytes(), format!("{columns}\r\n{}", line(1)).into_bytes()]
         }
         _ => {
-            let mut found = vec![MAP.as_bytes().to_vec()];
+            let mut found = Vec::new();
             files(&parameters(), "yaml", &mut found);
             found
         }
