@@ -322,3 +322,24 @@ fn a_model_among_runs_is_said_to_be_one() {
         "{line}"
     );
 }
+
+#[test]
+fn no_text_of_a_file_steers_the_terminal() -> Result<(), std::io::Error> {
+    let folder = tempfile::tempdir()?;
+    let file = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).map(|()| path.display().to_string())
+    };
+    // Clipboard, title, screen.
+    let hostile = "\x1b]52;c;cHduZWQ=\x07\x1b]0;T\x07\x1b[2J";
+    let table = file("a.csv", &format!("t,wx,wy,wz,{hostile}evil\n0,0,0,1,2\n0.01,0,0,1,2\n"))?;
+    let key = file("model.yaml", "\"\\e[31m\\e]0;T\\a\": 1\n")?;
+    for arguments in [vec!["new", &table, "--no-questions"], vec!["history", &key]] {
+        let output = whorl(&arguments);
+        let said = [output.stdout, output.stderr].concat();
+        let text = String::from_utf8_lossy(&said);
+        assert!(!said.contains(&0x1b) && !said.contains(&7), "{arguments:?}: {text:?}");
+        assert!(text.contains("\\u001b"), "{arguments:?} does not say what there is: {text}");
+    }
+    Ok(())
+}

@@ -2,6 +2,7 @@
 
 use std::ffi::OsString;
 use std::fs::File;
+use std::io::{Read as _, Seek as _, SeekFrom};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -25,8 +26,10 @@ const NODES_END: Duration = Duration::from_secs(3);
 const RECORDER_ENDS: Duration = Duration::from_secs(5);
 /// Exit code of a Rust program that panicked.
 const PANICKED: i32 = 101;
-/// Number of log lines shown for a failed process.
+/// Number of log lines shown for a failed process, ...
 const LAST_LINES: usize = 20;
+/// ... of so many bytes at its end.
+const LAST_BYTES: u64 = 16 << 10;
 
 /// In the environment of a node: it ends when its standard input does, which is the launcher's end (`whorl_ros` reads it). The
 /// kernel's own signal for that (`PR_SET_PDEATHSIG`) comes when the *thread* ends that started the process.
@@ -90,11 +93,21 @@ impl Ended {
     /// The last lines of its log.
     #[must_use]
     pub fn last_words(&self) -> String {
-        let log = std::fs::read(&self.log).unwrap_or_default();
+        let log = end_of(&self.log).unwrap_or_default();
         let text = String::from_utf8_lossy(&log);
         let lines: Vec<&str> = text.lines().collect();
         lines[lines.len().saturating_sub(LAST_LINES)..].join("\n")
     }
+}
+
+/// The end of a file that may have grown for days.
+fn end_of(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut file = File::open(path)?;
+    let length = file.metadata()?.len();
+    file.seek(SeekFrom::Start(length.saturating_sub(LAST_BYTES)))?;
+    let mut end = Vec::new();
+    file.take(LAST_BYTES).read_to_end(&mut end)?;
+    Ok(end)
 }
 
 /// Whether a process ended by a signal or a panic, see [`Ended::by_accident`].
