@@ -16,7 +16,7 @@ use whorl_campaign::work::{Folder, Tasks, work};
 use whorl_commands::campaign::{Campaign, planned};
 use whorl_objects::is_remote;
 
-use crate::output::{JsonArgument, is_closed, say};
+use crate::output::{JsonArgument, is_closed, say, shown};
 use crate::progress;
 
 #[derive(Debug, Args)]
@@ -235,8 +235,8 @@ fn finish(
     }
     json.write(|| {
         Ok(json!({
-            "schema": SCHEMA, "of": campaign.len(), "done": tables.rows, "said": tables.said, "table": tables.csv,
-            "parquet": tables.parquet, "further": tables.further, "page": tables.page,
+            "schema": SCHEMA, "of": campaign.len(), "done": tables.rows, "said": tables.said, "table": shown(&tables.csv),
+            "parquet": shown(&tables.parquet), "further": tables.further.iter().map(|table| shown(table)).collect::<Vec<_>>(), "page": tables.page.as_deref().map(shown),
         }))
     })
 }

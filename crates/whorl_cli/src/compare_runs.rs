@@ -10,7 +10,7 @@ use whorl_math::deg_from_rad;
 use whorl_params::ParameterTree;
 use whorl_report::{MOST_OVERLAID, PairDifference, ParameterDifference, overlay_html, pair_differences};
 
-use crate::output::{JsonArgument, say, tell};
+use crate::output::{JsonArgument, say, shown, tell};
 use crate::runs::write;
 use crate::{progress, report};
 
@@ -74,12 +74,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         let [a, b] = d
             .rms_rad
             .map(|(rms, error)| json!({"rms_deg": deg_from_rad(rms), "stddev_deg": deg_from_rad(error)}));
-        json!({"pair": d.pair, "run": paths[d.other], "relative_error": [a, b], "significant": d.significant})
+        json!({"pair": d.pair, "run": shown(&paths[d.other]), "relative_error": [a, b], "significant": d.significant})
     };
     let parameter = |p: &ParameterDifference| json!({"key": p.key, "nodes": p.nodes, "values": p.values});
     arguments.json.write(|| {
         Ok(json!({
-            "schema": 1, "runs": paths, "page": page,
+            "schema": 1, "runs": paths.iter().map(|path| shown(path)).collect::<Vec<_>>(), "page": shown(&page),
             "parameters": parameters.iter().map(parameter).collect::<Vec<_>>(),
             "pairs": differences.iter().map(pair).collect::<Vec<_>>(),
         }))

@@ -9,7 +9,7 @@ use whorl_bag::{PlatformParts, RunDirectory};
 use whorl_commands::tables::write_recording;
 use whorl_recording::{export_csv, platform_parts, read_model, read_run};
 
-use crate::output::{JsonArgument, say};
+use crate::output::{JsonArgument, say, shown};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -86,7 +86,7 @@ fn parquet(arguments: &ParquetArguments) -> anyhow::Result<()> {
             say!("{}, {}: {rows} rows: {}", recording.name, recording.platform, channels.join(", "));
             files.extend(written.iter().map(|table| {
                 json!({"run": recording.name, "platform": recording.platform, "holds": table.holds,
-                    "rows": table.rows, "file": table.path})
+                    "rows": table.rows, "file": shown(&table.path)})
             }));
         }
     }
@@ -112,8 +112,10 @@ fn csv(arguments: &CsvArguments) -> anyhow::Result<()> {
             exported.csv.display(),
             exported.map.display()
         );
-        files.push(json!({"platform": recording.platform, "rows": exported.rows, "file": exported.csv,
-            "channels": exported.map}));
+        files.push(
+            json!({"platform": recording.platform, "rows": exported.rows, "file": shown(&exported.csv),
+            "channels": shown(&exported.map)}),
+        );
     }
     arguments.json.write(|| Ok(files))
 }
@@ -126,7 +128,7 @@ fn topics(arguments: &CsvArguments) -> anyhow::Result<()> {
     }
     let files: Vec<_> = exported
         .iter()
-        .map(|topic| json!({"topic": topic.topic, "rows": topic.rows, "file": topic.file}))
+        .map(|topic| json!({"topic": topic.topic, "rows": topic.rows, "file": topic.file.as_deref().map(shown)}))
         .collect();
     for topic in exported {
         match topic.file {

@@ -15,7 +15,7 @@ use whorl_recording::{
     read_model, read_run_with, write_long_csv, write_run,
 };
 
-use crate::output::{JsonArgument, say};
+use crate::output::{JsonArgument, say, shown};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -162,7 +162,7 @@ fn answer(
     say!("run directory: {}", path.display());
     arguments.json.write(|| {
         Ok(json!({
-            "schema": 1, "run": path, "platform": known.platform, "duration_s": duration_s,
+            "schema": 1, "run": shown(path), "platform": known.platform, "duration_s": duration_s,
             "remarks": recording.remarks, "missing": recording.missing_channels(&known.model),
         }))
     })

@@ -77,9 +77,14 @@ impl FromStr for Filter {
     }
 }
 
+fn as_shown<S: serde::Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&crate::output::shown(path))
+}
+
 /// A run, as the table shows it.
 #[derive(Debug, Clone, Serialize, PartialEq)]
 struct Row {
+    #[serde(serialize_with = "as_shown")]
     run: PathBuf,
     start_utc: String,
     experiment: String,

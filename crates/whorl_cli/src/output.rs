@@ -125,6 +125,11 @@ fn put_bytes(bytes: &[u8]) {
     }
 }
 
+/// A path in an answer for programs: JSON is UTF-8, and names of files need not be.
+pub fn shown(path: &Path) -> String {
+    path.display().to_string()
+}
+
 /// Name of the option, by which [`reserve`] finds it.
 const JSON: &str = "json";
 

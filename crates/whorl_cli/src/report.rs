@@ -8,7 +8,7 @@ pub use whorl_commands::report::{Written, effective_parameters, read, write};
 use whorl_math::deg_from_rad;
 use whorl_report::Summary;
 
-use crate::output::{JsonArgument, say, tell};
+use crate::output::{JsonArgument, say, shown, tell};
 use crate::progress;
 
 /// Carries out `whorl report`.
@@ -29,8 +29,8 @@ pub fn run(runs: &[PathBuf], html: Option<&Path>, json: &JsonArgument) -> anyhow
 /// What summary.json holds, with the run, its page and its verdict.
 pub fn as_json(run: &Path, report: &Written) -> anyhow::Result<Value> {
     let mut value = serde_json::to_value(&report.summary)?;
-    value["run"] = serde_json::to_value(run)?;
-    value["page"] = serde_json::to_value(&report.page)?;
+    value["run"] = shown(run).into();
+    value["page"] = shown(&report.page).into();
     value["verdict"] = serde_json::to_value(&report.verdict)?;
     Ok(value)
 }

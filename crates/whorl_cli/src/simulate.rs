@@ -9,7 +9,7 @@ use serde_json::json;
 pub use whorl_commands::simulate::record_quietly;
 use whorl_commands::simulate::{Record, Simulation};
 
-use crate::output::{JsonArgument, say};
+use crate::output::{JsonArgument, say, shown};
 use crate::{progress, report};
 
 #[derive(Debug, Args)]
@@ -100,7 +100,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             "elapsed_s": elapsed_s,
             "messages": simulated.messages,
             "finished": simulated.outcome.finished,
-            "run": simulated.path,
+            "run": simulated.path.as_deref().map(shown),
             "report": report.as_ref().map(|(summary, _)| summary),
         }))
     })?;

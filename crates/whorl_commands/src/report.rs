@@ -161,7 +161,8 @@ fn circumstances(
             .notes
             .iter()
             .find(|(key, _)| key == CLOCK_SET)
-            .map(|(_, said)| said.clone()),
+            // Without when: in seconds since 1970.
+            .map(|(_, said)| said.split(" at ").next().unwrap_or(said).to_owned()),
     }
 }
 

@@ -15,7 +15,7 @@ use whorl_free_motion::{Orientation, Sample};
 
 use output::Output;
 
-use crate::output::{JsonArgument, say};
+use crate::output::{JsonArgument, say, shown};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -183,6 +183,6 @@ fn tell(
     arguments.json.write(|| {
         Ok(json!({"schema": 1, "samples": samples, "estimates": tally.estimates,
             "duration_s": duration_s, "filter": chosen.name(), "smoothed": arguments.smooth,
-            "notes": notes, "error_rms": error, "attitudes": arguments.out}))
+            "notes": notes, "error_rms": error, "attitudes": arguments.out.as_deref().map(shown)}))
     })
 }
