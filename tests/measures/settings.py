@@ -32,7 +32,7 @@ def defaults(whorl: str) -> dict[str, tuple[list[float], bool]]:
     """Of each setting its numbers, and whether it is a share."""
     text = subprocess.run([whorl, "diagnose", "--settings"], check=True, capture_output=True, text=True).stdout
     found, comment = {}, ""
-    for line in text.splitlines()[1:]:
+    for line in filter(str.strip, text.splitlines()[1:]):
         if line.lstrip().startswith("#"):
             comment += line.lstrip(" #") + " "
             continue

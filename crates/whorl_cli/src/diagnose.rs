@@ -31,7 +31,7 @@ pub struct Arguments {
     /// Writes every set of effects that was fitted, one JSON object a line: parameters, log evidence, prior, probability.
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
-    /// Prints every number that a verdict depends on, with its meaning and source, and ends.
+    /// Prints every number that a verdict depends on, those of the predictor among them, with its meaning and source, and ends.
     #[arg(long, exclusive = true)]
     settings: bool,
 }

@@ -13,13 +13,14 @@ const SECTION: &str = "diagnosis";
 /// Columns of a comment.
 const WIDTH: usize = 110;
 
-/// Settings as a file that [`read`] reads, the meaning of each above it.
+/// Settings as a file that [`read`] reads, the meaning of each above it; those of the predictor, which the file does not set, as comments
+/// at its end.
 #[must_use]
 pub fn as_yaml(settings: &Settings) -> String {
+    // Writing to a String cannot fail.
     let mut text = format!("{SECTION}:\n");
     for setting in settings.listed() {
         for line in wrapped(&format!("{} Allowed: {}.", setting.doc, setting.allowed)) {
-            // Writing to a String cannot fail.
             let _ = writeln!(text, "  # {line}");
         }
         let value = match setting.values.as_slice() {
@@ -27,6 +28,16 @@ pub fn as_yaml(settings: &Settings) -> String {
             several => format!("{several:?}"),
         };
         let _ = writeln!(text, "  {}: {value}", setting.name);
+    }
+    let _ = writeln!(
+        text,
+        "\n# The predictor, by which samples judge every explanation; this file does not set its numbers."
+    );
+    for setting in whorl_prediction::Settings::default().listed() {
+        for line in wrapped(&setting.doc) {
+            let _ = writeln!(text, "#   # {line}");
+        }
+        let _ = writeln!(text, "#   {}: {}", setting.name, setting.value);
     }
     text
 }
@@ -91,6 +102,14 @@ mod tests {
         let text = as_yaml(&changed);
         assert_eq!(read_text(&text).unwrap(), changed);
         assert!(text.lines().all(|line| line.chars().count() <= WIDTH + 4), "{text}");
+        // Those of the predictor are shown, and not set.
+        for line in [
+            "#   start_passes: 12",
+            "#   level_needed_nats: 11.2",
+            "#   # How often a start is found anew at most.",
+        ] {
+            assert!(text.lines().any(|other| other == line), "{line}\n{text}");
+        }
         // Each stands below what it means.
         let lines: Vec<&str> = text.lines().collect();
         let at = lines.iter().position(|line| *line == "  sure: 0.95").unwrap();

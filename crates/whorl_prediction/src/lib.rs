@@ -83,6 +83,6 @@ pub use parameter::Parameter;
 pub use predict::{Told, predict, simulate};
 pub use prepared::Prepared;
 pub use sensitivities::sensitivities;
-pub use settings::Settings;
+pub use settings::{Setting, Settings};
 pub use smoothed::{SmoothedState, smoothed};
 pub use start::Start;
