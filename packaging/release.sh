@@ -11,7 +11,7 @@ version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)
 name=whorl-$version-$(uname -m)-linux
 programs=(whorl driver estimator local_control model_monitor coordinator recorder)
 
-cargo build --release --workspace --locked ${WHORL_FEATURES:+"--features=$WHORL_FEATURES"} "${programs[@]/#/--bin=}"
+cargo build --release --workspace --locked --features "object_storage${WHORL_FEATURES:+,$WHORL_FEATURES}" "${programs[@]/#/--bin=}"
 built=${CARGO_TARGET_DIR:-target}/release
 stage=$(mktemp -d)
 trap 'rm -rf "$stage"' EXIT

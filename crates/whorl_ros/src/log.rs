@@ -5,7 +5,9 @@ use std::io::Write as _;
 
 use serde::Serialize;
 use tracing::level_filters::LevelFilter;
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::util::SubscriberInitExt as _;
 use whorl_msgs::builtin_interfaces::Time;
 use whorl_msgs::cdr;
 use whorl_node::{LogLevel, LogLine, Timestamp};
@@ -25,14 +27,18 @@ struct Log<'a> {
     line: u32,
 }
 
-/// Sends log lines to stderr. `RUST_LOG` sets the filter; otherwise `level`, otherwise info. The DDS library
-/// logs only errors, unless `RUST_LOG` names it.
+/// Sends log lines to stderr. `RUST_LOG` sets the filter, as levels of targets (`info,rustdds=debug`); otherwise `level`, otherwise info.
+/// The DDS library logs nothing, unless `RUST_LOG` names it.
 pub fn to_stderr(level: Option<LevelFilter>) {
-    let default = format!("{},rustdds=off,ros2_client=off", level.unwrap_or(LevelFilter::INFO));
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
-    let subscriber = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+    let wanted = std::env::var("RUST_LOG").ok().and_then(|filter| filter.parse::<Targets>().ok());
+    let filter = wanted.unwrap_or_else(|| {
+        let silent = [("rustdds", LevelFilter::OFF), ("ros2_client", LevelFilter::OFF)];
+        Targets::new().with_default(level.unwrap_or(LevelFilter::INFO)).with_targets(silent)
+    });
+    let is_terminal = std::io::IsTerminal::is_terminal(&std::io::stderr());
+    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(is_terminal);
     // A second call, in tests, keeps the first subscriber.
-    let _ = subscriber.with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr())).try_init();
+    let _ = tracing_subscriber::registry().with(filter).with(lines).try_init();
 }
 
 /// Prints on stderr why a program ends, also before there is a log. That nobody listens is no error.
