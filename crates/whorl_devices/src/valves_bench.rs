@@ -12,7 +12,7 @@ use crate::running::Devices;
 
 /// Longer than any test waits.
 const LONG_S: f64 = 600.0;
-const PATIENCE: Duration = Duration::from_secs(20);
+const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A board at work.
 pub(crate) struct Bench<'a> {

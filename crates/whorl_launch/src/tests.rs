@@ -174,7 +174,7 @@ fn started(folder: &Path, text: &str) -> Supervisor {
 fn wait_for(what: &str, mut condition: impl FnMut() -> bool) {
     let began = Instant::now();
     while !condition() {
-        assert!(began.elapsed() < Duration::from_secs(20), "waited for {what}");
+        assert!(began.elapsed() < Duration::from_secs(120), "waited for {what}");
         std::thread::sleep(Duration::from_millis(5));
     }
 }
