@@ -14,9 +14,6 @@ import polars
 import pytest
 import whorl
 
-# As of the tests in Rust: .ci/nightly runs them too.
-slow = pytest.mark.skipif("WHORL_SLOW_TESTS" not in os.environ, reason="it takes long; WHORL_SLOW_TESTS=1 runs it")
-
 FRICTION = "/whorl_1/driver:truth.effects.bearing_viscous_friction.c_n_m_s:="
 
 
@@ -80,7 +77,7 @@ def test_every_run_compared_as_the_single_command_compares(program, archive, tmp
     os.rename(archive / "torn", archive / "runs/torn")
 
 
-@slow
+@pytest.mark.slow
 def test_diagnoses_are_those_of_the_single_command_whoever_computes_them(program, archive, tmp_path):
     file = campaign_file(archive, "diagnosed", "task: diagnose\n    platforms: [whorl_1]")
     program("campaign", file, "--out", tmp_path / "threads")

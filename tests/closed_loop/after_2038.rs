@@ -3,7 +3,6 @@
 use whorl_msgs::topics::Topic;
 use whorl_msgs::whorl::{AttitudeEstimate, ControlStatus, FormationState};
 use whorl_node::Timestamp;
-use whorl_tests::repetitions;
 
 use crate::support::machine::Load;
 use crate::support::simulation::{parameters, rms, simulate_from};
@@ -15,9 +14,18 @@ const PLATFORMS: [&str; 2] = ["whorl_1", "whorl_2"];
 
 #[test]
 fn an_experiment_runs_across_the_end_of_31_bits() {
+    runs_across_the_end(60);
+}
+
+#[test]
+#[ignore = "slow: a hold of ten minutes"]
+fn an_experiment_goes_on_for_long_after_the_end_of_31_bits() {
+    runs_across_the_end(600);
+}
+
+fn runs_across_the_end(hold_s: u32) {
     let _share = Load::Computation.take();
     // It begins a few seconds before.
-    let hold_s = repetitions(60, 600);
     let layer = format!(
         "/coordinator: {{ros__parameters: {{steps: {{hold: {{kind: hold, duration_s: {hold_s}.0}}}}}}}}"
     );

@@ -8,7 +8,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use whorl_msgs::topics::Topic;
 use whorl_msgs::whorl::FormationState;
-use whorl_tests::repetitions;
 
 use crate::support::binaries;
 use crate::support::formation::{Formation, LONG_HOLD_ALONE, STARTUP};
@@ -89,16 +88,32 @@ fn is_heard(mut formation: Formation, times: usize) {
     formation.stop();
 }
 
+fn platform() -> Formation {
+    Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE, BY_HAND])
+}
+
 #[test]
 fn an_operator_is_heard_every_time() {
-    is_heard(Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE, BY_HAND]), repetitions(3, 50));
+    is_heard(platform(), 3);
+}
+
+#[test]
+#[ignore = "slow: fifty starts, holds and aborts"]
+fn an_operator_is_heard_fifty_times() {
+    is_heard(platform(), 50);
 }
 
 #[test]
 fn an_operator_is_heard_every_time_where_traffic_is_secured() {
-    if !super::secure::is_built("an operator on a secured network") {
-        return;
+    if super::secure::is_built("an operator on a secured network") {
+        is_heard(platform().secured(), 3);
     }
-    let formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE, BY_HAND]).secured();
-    is_heard(formation, repetitions(3, 50));
+}
+
+#[test]
+#[ignore = "slow: fifty starts, holds and aborts, secured"]
+fn an_operator_is_heard_fifty_times_where_traffic_is_secured() {
+    if super::secure::is_built("an operator on a secured network") {
+        is_heard(platform().secured(), 50);
+    }
 }

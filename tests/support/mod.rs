@@ -17,7 +17,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-pub use whorl_tests::{skipped, slow};
+pub use whorl_tests::skipped;
 
 /// The folder of the workspace.
 pub fn root() -> PathBuf {

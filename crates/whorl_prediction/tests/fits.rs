@@ -104,10 +104,8 @@ fn estimates_scatter_as_they_say() {
 }
 
 #[test]
+#[ignore = "slow: fits to three hundred rigs"]
 fn estimates_of_many_rigs_scatter_as_they_say() {
-    if !whorl_tests::slow("fits to three hundred rigs") {
-        return;
-    }
     let (mean, stddev) = judged((2000..2300).filter(|seed| is_quick(*seed)));
     assert!(mean.abs() < 3.3 && stddev.abs() < 3.3, "{mean} {stddev} of what chance makes");
 }

@@ -6,10 +6,8 @@ use super::generator::{map, record, wrong_model};
 use crate::{Options, expected_information};
 
 #[test]
+#[ignore = "slow: what further data bring against what they were expected to"]
 fn expected_log_odds_come_true() {
-    if !whorl_tests::slow("what further data bring against what they were expected to") {
-        return;
-    }
     let mut truth = PlatformModel::whorl_1_reference();
     truth.effects = map(&[("bearing_viscous_friction", &[("c_n_m_s", 0.05)])]);
     let (model, prior) = wrong_model(&truth, 5);

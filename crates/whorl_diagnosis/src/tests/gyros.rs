@@ -37,10 +37,8 @@ fn estimate(found: &Diagnosis, name: &str) -> (f64, f64) {
 /// Torques of 0.06 N m that swing about two axes, and throw the platform against its stop, are no unexplained torque
 /// where the gimbals are recorded and the stop is stated.
 #[test]
+#[ignore = "slow: the diagnosis of gyros that are as the model says"]
 fn gyros_that_are_as_the_model_says_leave_nothing_unexplained() {
-    if !whorl_tests::slow("the diagnosis of gyros that are as the model says") {
-        return;
-    }
     for seed in [2, 5, 8] {
         let found = diagnosis_of(None, seed);
         assert_eq!(found.verdict, Verdict::NothingMissing, "{seed} {:?}", found.effects);
@@ -48,10 +46,8 @@ fn gyros_that_are_as_the_model_says_leave_nothing_unexplained() {
 }
 
 #[test]
+#[ignore = "slow: the diagnosis of a tilted gimbal"]
 fn a_tilted_gimbal_is_named() {
-    if !whorl_tests::slow("the diagnosis of a tilted gimbal") {
-        return;
-    }
     let found = diagnosis_of(Some(("gimbal_misalignment", &[("cmg_a_a_rad", 0.15)])), 2);
     assert_eq!(found.effects, ["gimbal_misalignment"], "{:?}", found.verdict);
     let (value, stddev) = estimate(&found, "cmg_a_a_rad");
@@ -59,6 +55,7 @@ fn a_tilted_gimbal_is_named() {
 }
 
 #[test]
+#[ignore = "slow: the diagnosis of a gimbal's friction"]
 fn friction_of_a_gimbal_is_named_by_its_motor() {
     let found = diagnosis_of(Some(("gimbal_friction", &[("cmg_b_coulomb_n_m", 0.05)])), 3);
     assert_eq!(found.verdict, Verdict::Named);

@@ -32,6 +32,7 @@ fn assert_that_no_other_gains(diagnosis: &Diagnosis) {
 }
 
 #[test]
+#[ignore = "slow: the diagnosis of a friction"]
 fn a_friction_is_named_with_its_size() {
     let diagnosis = diagnosis_of(&[("bearing_viscous_friction", &[("c_n_m_s", 0.05)])], 3, 50.0);
     assert_eq!(diagnosis.verdict, Verdict::Named, "{:?}", diagnosis.candidates.first());
@@ -52,10 +53,8 @@ fn a_friction_is_named_with_its_size() {
 
 /// The jets fired, and the recording does not say so.
 #[test]
+#[ignore = "slow: the diagnosis of a run whose jets were not recorded"]
 fn nothing_is_stated_of_torques_that_unrecorded_jets_may_have_made() {
-    if !whorl_tests::slow("the diagnosis of a run whose jets were not recorded") {
-        return;
-    }
     let truth = PlatformModel::whorl_1_reference();
     let mut run = record(&truth, 5, 50.0, None);
     assert!(run.jet_pulses.iter().flatten().count() > 10);
@@ -69,16 +68,15 @@ fn nothing_is_stated_of_torques_that_unrecorded_jets_may_have_made() {
 
 /// So plainly that the residual of the regression has the wheel's periodicity, too.
 #[test]
+#[ignore = "slow: the diagnosis of an unbalanced wheel"]
 fn an_unbalanced_wheel_is_named_however_plainly_it_shows() {
-    if !whorl_tests::slow("the diagnosis of an unbalanced wheel") {
-        return;
-    }
     let diagnosis = diagnosis_of(&[("wheel_imbalance", &[("wheel_z_kg_m2", 1e-4)])], 23, 50.0);
     assert_eq!(diagnosis.verdict, Verdict::Named, "{:?}", diagnosis.unknown);
     assert_eq!(diagnosis.effects, ["wheel_imbalance"]);
 }
 
 #[test]
+#[ignore = "slow: the diagnosis of a sensor"]
 fn a_sensor_is_told_from_a_torque() {
     let diagnosis = diagnosis_of(&[("gyro_misalignment", &[("xz_rad", 0.03)])], 21, 50.0);
     assert_eq!(diagnosis.effects, ["gyro_misalignment"]);
@@ -87,10 +85,8 @@ fn a_sensor_is_told_from_a_torque() {
 
 /// Nobody knows the field in another room: its direction about the axes of the world is found with the dipole.
 #[test]
+#[ignore = "slow: the diagnosis of a dipole in another field"]
 fn a_dipole_is_named_alone_whatever_the_direction_of_the_field() {
-    if !whorl_tests::slow("the diagnosis of a dipole in another field") {
-        return;
-    }
     let magnet = [
         ("dipole_x_a_m2", 100.0),
         ("dipole_y_a_m2", -60.0),
@@ -106,10 +102,8 @@ fn a_dipole_is_named_alone_whatever_the_direction_of_the_field() {
 
 /// Its position is wrong by metres, as one that was stated in another unit.
 #[test]
+#[ignore = "slow: the diagnosis of a misplaced accelerometer"]
 fn an_accelerometer_far_from_its_place_is_named_with_its_position() {
-    if !whorl_tests::slow("the diagnosis of a misplaced accelerometer") {
-        return;
-    }
     let arm = [("d_x_m", 2.5), ("d_y_m", -1.9), ("d_z_m", 1.2)];
     let diagnosis = diagnosis_of(&[("accel_lever_arm", &arm)], 24, 50.0);
     assert_eq!(diagnosis.verdict, Verdict::Named, "{:?}", diagnosis.unknown);
@@ -122,10 +116,8 @@ fn an_accelerometer_far_from_its_place_is_named_with_its_position() {
 
 /// A sample and a half late: the edges of pulses lie between what is compared.
 #[test]
+#[ignore = "slow: the diagnosis of a long latency"]
 fn a_long_latency_is_named_with_its_size_and_explains_the_data() {
-    if !whorl_tests::slow("the diagnosis of a long latency") {
-        return;
-    }
     let diagnosis = diagnosis_of(&[("imu_latency", &[("t_s", 0.015)])], 22, 50.0);
     // Late valves may be left beside it.
     assert_eq!(diagnosis.effects, ["imu_latency"], "{:?}", diagnosis.confounded_with);
@@ -143,10 +135,8 @@ fn diagnosis_with(extra: Extra<'_>, seed: u64) -> Diagnosis {
 }
 
 #[test]
+#[ignore = "slow: the diagnosis of a torque that comes and goes"]
 fn a_torque_that_comes_and_goes_follows_time_and_has_no_name() {
-    if !whorl_tests::slow("the diagnosis of a torque that comes and goes") {
-        return;
-    }
     // On and off at odd times, as a valve that sticks now and then; no period comes near them.
     let on = [(2.0, 3.5), (7.0, 15.0), (21.0, 22.0), (30.0, 41.0)];
     let diagnosis = diagnosis_with(
@@ -162,10 +152,8 @@ fn a_torque_that_comes_and_goes_follows_time_and_has_no_name() {
 }
 
 #[test]
+#[ignore = "slow: the diagnosis of a line that turns with the body"]
 fn a_line_that_turns_with_the_body_is_no_vibration_of_the_sensors() {
-    if !whorl_tests::slow("the diagnosis of a line that turns with the body") {
-        return;
-    }
     let diagnosis = diagnosis_with(
         &|t, _, _| Vector3::new(0.0, 4e-3 * (std::f64::consts::TAU * 0.43 * t + 0.4).sin(), 0.0),
         6,
@@ -176,6 +164,7 @@ fn a_line_that_turns_with_the_body_is_no_vibration_of_the_sensors() {
 }
 
 #[test]
+#[ignore = "slow: a diagnosis that is left open"]
 fn one_torque_under_two_names_is_left_open() {
     // A draught about the vertical is a turbine about it, g = t k: no data can tell.
     let diagnosis = diagnosis_of(&[("bearing_turbine", &[("vertical_n_m", 0.004)])], 17, 50.0);
@@ -190,10 +179,8 @@ fn one_torque_under_two_names_is_left_open() {
 
 /// Converters clip before filters and electronics add their noise, so nothing piles up at the limit.
 #[test]
+#[ignore = "slow: the diagnosis of a gyro that clips"]
 fn a_range_below_the_noise_is_found() {
-    if !whorl_tests::slow("the diagnosis of a gyro that clips") {
-        return;
-    }
     let truth = PlatformModel::whorl_1_reference();
     let limit = 0.075;
     let runs: Vec<_> = (0..2)

@@ -26,10 +26,8 @@ fn candidate(search: &Search<'_>, id: &str) -> usize {
 }
 
 #[test]
+#[ignore = "slow: a tie from one run"]
 fn torques_that_no_motion_tells_apart_are_both_kept() {
-    if !whorl_tests::slow("a tie from one run") {
-        return;
-    }
     // A steady torque about the vertical: from the bearing or from the air of the room.
     let mut truth = PlatformModel::whorl_1_reference();
     truth.effects = map(&[("bearing_turbine", &[("vertical_n_m", 0.01)])]);

@@ -23,10 +23,8 @@ fn stddevs(given: &whorl_dynamics::ModelPrior, fit: &Fit) -> Vec<(String, f64, f
 }
 
 #[test]
+#[ignore = "slow: the uncertainty of constants from fit to fit"]
 fn a_constant_has_one_uncertainty() {
-    if !whorl_tests::slow("the uncertainty of constants from fit to fit") {
-        return;
-    }
     let mut truth = PlatformModel::whorl_1_reference();
     truth.effects = map(&[("bearing_viscous_friction", &[("c_n_m_s", 0.3)])]);
     let run = record(&truth, 31, 40.0, None);
@@ -57,6 +55,7 @@ fn a_constant_has_one_uncertainty() {
 
 /// With friction stated to 30 % the fit finds it within that; stated without a deviation it stays as it is.
 #[test]
+#[ignore = "slow: two fits of forty seconds"]
 fn friction_of_wheels_is_refitted_within_its_prior() {
     let mut truth = PlatformModel::whorl_1_reference();
     for wheel in truth.wheels_mut() {

@@ -58,10 +58,8 @@ fn filters_with_dynamics_follow_a_wheel() {
 }
 
 #[test]
+#[ignore = "slow: NEES of every filter with a bias"]
 fn bias_filters_are_consistent_at_each_instant() {
-    if !whorl_tests::slow("NEES of every filter with a bias") {
-        return;
-    }
     super::optimum::BIAS_FILTERS.into_iter().for_each(conformance::is_consistent_with_a_bias);
 }
 
@@ -72,10 +70,8 @@ fn bias_filters_are_consistent_with_a_lever_arm() {
 }
 
 #[test]
+#[ignore = "slow: NEES of the filters with dynamics"]
 fn filters_with_dynamics_are_consistent() {
-    if !whorl_tests::slow("NEES of the filters with dynamics") {
-        return;
-    }
     conformance::is_consistent_with_dynamics(FilterKind::GYROSTAT);
 }
 

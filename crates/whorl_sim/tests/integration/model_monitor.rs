@@ -7,6 +7,7 @@
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -82,10 +83,20 @@ impl Watch {
     }
 }
 
-/// At most one in ten hours: over a quarter of an hour with every test, over eleven hours with `WHORL_SLOW_TESTS=1`.
 #[test]
 fn a_model_that_is_right_is_not_accused() {
-    let runs = if std::env::var_os("WHORL_SLOW_TESTS").is_some() { 170 } else { 4 };
+    is_not_accused(4);
+}
+
+/// Over eleven hours.
+#[test]
+#[ignore = "slow: 170 runs"]
+fn a_model_that_is_right_is_accused_at_most_once_in_ten_hours() {
+    is_not_accused(170);
+}
+
+/// At most one in ten hours, and none in a few runs.
+fn is_not_accused(runs: u64) {
     let mut readings: BTreeMap<&str, (f64, u32)> = BTreeMap::new();
     let (mut accused, mut watched_s, mut squares, mut count) = (0, 0.0, 0.0, 0.0);
     for seed in 0..runs {
@@ -195,12 +206,20 @@ fn weak_jet(index: usize, seed: u64, start_s: f64, thrust: f64) -> Found {
     }
 }
 
-/// Every jet at 70 % from mid-run on, and at half from the start: of a weakness that was always there the monitor takes a ninth of a reading's
-/// deviation for an error that every reading may have.
 #[test]
+fn a_weak_jet_is_found_by_how_long_it_fired() {
+    weak_jets_are_found(5..6, 5..6);
+}
+
+#[test]
+#[ignore = "slow: every jet, twice"]
 fn weak_jets_are_found_by_how_long_they_fired() {
-    let slow = std::env::var_os("WHORL_SLOW_TESTS").is_some();
-    let (jets, seeds) = if slow { (0..12, 5..7) } else { (5..6, 5..6) };
+    weak_jets_are_found(0..12, 5..7);
+}
+
+/// Jets at 70 % from mid-run on, and at half from the start: of a weakness that was always there the monitor takes a ninth of a reading's
+/// deviation for an error that every reading may have.
+fn weak_jets_are_found(jets: Range<usize>, seeds: Range<u64>) {
     // From the start a thrust that the prior calls certain to 5 % must be refuted, beside all else that the priors leave open.
     for (start_s, thrust, enough_s, share) in [(60.0, 0.7, 1.9, 1.0), (0.0, 0.5, 5.0, 0.5)] {
         let (mut fired, mut hit) = (0_u32, 0_u32);
@@ -316,11 +335,20 @@ fn delivered(watch: &Watch, busy: Busy, seed: u64) -> Vec<ModelFit> {
     fits
 }
 
-/// The same run, whose model is right, as a busy computer hears of it: late, lost and in disorder. Nothing is concluded from that,
-/// and what arrives whole is still compared; a jet that breaks is found all the same.
 #[test]
 fn a_busy_computer_accuses_nobody() {
-    let runs = if std::env::var_os("WHORL_SLOW_TESTS").is_some() { 30 } else { 2 };
+    busy_computers_accuse_nobody(2);
+}
+
+#[test]
+#[ignore = "slow: thirty runs"]
+fn a_busy_computer_accuses_at_most_once_in_ten_hours() {
+    busy_computers_accuse_nobody(30);
+}
+
+/// The same run, whose model is right, as a busy computer hears of it: late, lost and in disorder. Nothing is concluded from that,
+/// and what arrives whole is still compared.
+fn busy_computers_accuse_nobody(runs: u64) {
     let all =
         [Busy::Stalls(0.1), Busy::Stalls(0.6), Busy::Loses(0.01), Busy::Loses(0.1), Busy::Scatters(0.002)];
     let (mut accused, mut watched_s) = (0, 0.0);
@@ -347,7 +375,10 @@ fn a_busy_computer_accuses_nobody() {
     }
     println!("{accused} accused in {:.2} h", watched_s / 3600.0);
     assert!(f64::from(accused) <= (0.1 * watched_s / 3600.0).floor() + 1.0 && (runs > 10 || accused == 0));
+}
 
+#[test]
+fn a_busy_computer_finds_a_jet_that_breaks() {
     let faults = [
         "/whorl_1/driver:faults.weak.kind:=jet_weak",
         "/whorl_1/driver:faults.weak.jet:=jet_9",
@@ -364,11 +395,20 @@ fn a_busy_computer_accuses_nobody() {
     }
 }
 
-/// Platforms that hold still for ten minutes: hardly anything is excited, and evidence does not grow with time alone. Seed 2 had
-/// accused the gyro of a scale of -0.2 after 542 s.
+/// Seed 2 had accused the gyro of a scale of -0.2 after 542 s.
 #[test]
 fn holding_still_is_no_evidence() {
-    let seeds = if std::env::var_os("WHORL_SLOW_TESTS").is_some() { 1..13 } else { 2..3 };
+    holding_still(2..3);
+}
+
+#[test]
+#[ignore = "slow: twelve runs of ten minutes"]
+fn holding_still_is_no_evidence_with_more_seeds() {
+    holding_still(1..13);
+}
+
+/// Platforms that hold still for ten minutes: hardly anything is excited, and evidence does not grow with time alone.
+fn holding_still(seeds: Range<u64>) {
     for seed in seeds {
         let watch = simulate("hold", seed, 700.0, &["/coordinator:steps.hold.duration_s:=600.0"]);
         for platform in [0, 1] {
@@ -384,17 +424,24 @@ fn holding_still_is_no_evidence() {
     }
 }
 
-/// Tanks that run empty: a sensor then reads less than nothing every other time, and a model whose jets use a little more or less gas
-/// than the platform's is a minute late. What jets that have no gas do not do is nobody's fault.
+/// After two minutes of ten.
 #[test]
 fn an_empty_tank_accuses_nobody() {
-    // After two minutes of ten; after 37 minutes of an hour.
-    let mut runs: Vec<(u64, f64, f64)> = vec![(2, 600.0, 1.0e6)];
-    if std::env::var_os("WHORL_SLOW_TESTS").is_some() {
-        runs.extend((3..6).map(|seed| (seed, 600.0, 1.0e6)));
-        runs.extend((1..4).map(|seed| (seed, 3600.0, 2.0e7)));
-    }
-    for (seed, hold_s, pressure_pa) in runs {
+    empty_tanks(2..3, 600.0, 1.0e6);
+}
+
+/// After 37 minutes of an hour as well.
+#[test]
+#[ignore = "slow: three runs of an hour"]
+fn empty_tanks_accuse_nobody_for_long() {
+    empty_tanks(3..6, 600.0, 1.0e6);
+    empty_tanks(1..4, 3600.0, 2.0e7);
+}
+
+/// Tanks that run empty: a sensor then reads less than nothing every other time, and a model whose jets use a little more or less gas
+/// than the platform's is a minute late. What jets that have no gas do not do is nobody's fault.
+fn empty_tanks(seeds: Range<u64>, hold_s: f64, pressure_pa: f64) {
+    for seed in seeds {
         let hold = format!("/coordinator:steps.hold.duration_s:={hold_s:.1}");
         let tank = format!("/**:model.tank.initial_pressure_pa:={pressure_pa:.1}");
         let watch = simulate("hold", seed, hold_s + 100.0, &[&hold, &tank]);

@@ -113,10 +113,8 @@ fn gimbal(seed: u64, friction_n_m_s: f64, inertia_kg_m2: f64, wheel_kg_m2: f64) 
 
 /// The drawing's inertia is 2 % off, and the friction from none to four hundred times that of an air bearing.
 #[test]
+#[ignore = "slow: a gimbal with one gyro axis"]
 fn a_gimbal_with_one_gyro_axis_tells_its_friction_and_that_it_lacks_nothing() {
-    if !whorl_tests::slow("a gimbal with one gyro axis") {
-        return;
-    }
     let (inertia_kg_m2, wheel_kg_m2) = (5e-3, 1e-4);
     let shaft = Freedom::Hinge { axis_b: Unit::new_normalize(Vector3::z()) };
     let model = rig(shaft, 1.02 * inertia_kg_m2, wheel_kg_m2);
