@@ -4,13 +4,15 @@
 //! innovations behind t. Errors at the ends of stretches that follow each other are therefore independent of each other,
 //! and their squares over their predicted variances have a chi-squared distribution, in open and in closed loop.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector};
 use whorl_dynamics::Plant;
 
 use crate::claims::Claims;
-use crate::filter::{Filter, Innovation};
+use crate::filter::Filter;
+use crate::innovations::{Innovation, Mean};
+use crate::lanes::{Lanes, dot};
 use crate::prepared::Prepared;
-use crate::rows::Row;
+use crate::rows::{Readings, Row};
 
 /// Predictions over one horizon, stretch after stretch.
 pub(crate) struct Ahead {
@@ -28,8 +30,8 @@ struct Stretch {
     beside: DVector<f64>,
     /// Covariance at its start as the model alone claims it, the motion of errors since, and what random torques have added.
     covariance: DMatrix<f64>,
-    transition: DMatrix<f64>,
-    noise: Option<DMatrix<f64>>,
+    transition: Lanes,
+    noise: Option<Lanes>,
     from_ns: i64,
 }
 
@@ -70,24 +72,25 @@ impl Ahead {
         &mut self,
         case: &Prepared<'_>,
         filter: &Filter<'_>,
-        due: &[(usize, usize)],
+        readings: &mut Readings,
         told: &mut dyn FnMut(&AheadError),
     ) {
         let Some(stretch) = &mut self.stretch else { return };
-        let now_ns = filter.plant.now_ns();
+        let (mean, gains) = (&filter.mean, &filter.gains);
+        let now_ns = mean.plant.now_ns();
         let end_ns = stretch.from_ns + self.horizon_ns;
         if now_ns > end_ns {
             self.stretch = None;
             return;
         }
-        if let Some(claims) = &filter.claims {
+        if let Some(claims) = &gains.claims {
             stretch.carry(claims);
         }
         let is_at_horizon = |track: usize, sample: usize| {
             let following = case.tracks().get(track).and_then(|track| track.instant_ns(sample + 1));
             following.is_some_and(|next_ns| next_ns > end_ns)
         };
-        if !(self.is_shown || due.iter().any(|(track, sample)| is_at_horizon(*track, *sample))) {
+        if !(self.is_shown || mean.due.iter().any(|(track, sample)| is_at_horizon(*track, *sample))) {
             return;
         }
         if !case.run_to(&mut stretch.plant, &mut stretch.event, now_ns) {
@@ -95,36 +98,39 @@ impl Ahead {
             return;
         }
         stretch.plant.average_readings(case.mean_inputs(now_ns));
-        for row in filter.rows_of(&stretch.plant, &stretch.beside, due) {
+        mean.read_of(&stretch.plant, stretch.beside.as_slice(), Some(&gains.linearised), readings);
+        for (r, row) in readings.rows.iter().enumerate() {
             let is_at_horizon = is_at_horizon(row.track, row.sample);
             if !(self.is_shown || is_at_horizon) {
                 continue;
             }
             let after_s = (now_ns - stretch.from_ns) as f64 * 1e-9;
-            let variance = stretch.variance(filter, &row.by_state, after_s) + row.variance;
-            told(&AheadError::of(&row, now_ns, variance, is_at_horizon));
+            let of_state = stretch.variance(mean, readings.by_state.row(r), after_s);
+            let variance = of_state + readings.variances[r];
+            told(&AheadError::of(row, now_ns, variance, is_at_horizon));
         }
     }
 
     /// A filter has taken in what was due: begins where the last prediction has ended.
     pub fn begin(&mut self, filter: &Filter<'_>) {
-        let now_ns = filter.plant.now_ns();
+        let mean = &filter.mean;
+        let now_ns = mean.plant.now_ns();
         // The next stretch begins with the first reading that is not before the end of this one.
         if self.stretch.as_ref().is_some_and(|stretch| now_ns < stretch.from_ns + self.horizon_ns) {
             return;
         }
-        let layout = filter.layout;
-        let mut beside = filter.beside.clone();
-        let mut plant = filter.plant.clone();
-        plant.set_disturbance(Vector3::zeros(), 0.0);
+        let layout = mean.layout;
+        let mut beside = mean.beside.clone();
+        let mut plant = mean.plant.clone();
+        plant.clear_disturbances();
         beside.rows_range_mut(layout.plant.size()..layout.moving()).fill(0.0);
         self.stretch = Some(Stretch {
             plant,
-            event: filter.event,
+            event: mean.event,
             beside,
-            covariance: filter.claimed().clone(),
-            transition: DMatrix::identity(layout.moving(), layout.moving()),
-            noise: filter.has_own_noise().then(|| DMatrix::zeros(layout.moving(), layout.moving())),
+            covariance: filter.claimed(),
+            transition: Lanes::identity(layout.moving(), layout.size()),
+            noise: filter.has_own_noise().then(|| Lanes::zeros(layout.moving(), layout.size())),
             from_ns: now_ns,
         });
     }
@@ -133,20 +139,34 @@ impl Ahead {
 impl Stretch {
     /// Carries errors on to where the filter is.
     fn carry(&mut self, claims: &Claims) {
-        self.transition = &claims.transition * &self.transition;
-        if let Some((noise, added)) = self.noise.as_mut().zip(claims.noise.as_ref()) {
-            *noise = &claims.transition * &*noise * claims.transition.transpose() + added;
+        self.transition.carry(&claims.transition);
+        if let Some(noise) = &mut self.noise {
+            noise.grow(&claims.transition, claims.noise.as_ref());
         }
     }
 
     /// Variance of what these derivatives show, after so long \[s\].
-    fn variance(&self, filter: &Filter<'_>, by_state: &DVector<f64>, after_s: f64) -> f64 {
-        let (m, n) = (filter.layout.moving(), filter.layout.size());
-        let mut at_start = by_state.clone();
-        at_start.rows_mut(0, m).gemv_tr(1.0, &self.transition, &by_state.rows(0, m), 0.0);
-        let walked: f64 = (m..n).map(|i| filter.walk_variance(i, after_s) * by_state[i].powi(2)).sum();
-        let now = by_state.rows(0, m);
-        let random = self.noise.as_ref().map_or(0.0, |noise| now.dot(&(noise * now)));
+    fn variance(&self, mean: &Mean<'_>, by_state: &[(usize, f64)], after_s: f64) -> f64 {
+        let moving = self.transition.rows();
+        let mut at_start = DVector::zeros(self.covariance.nrows());
+        let (mut walked, mut random) = (0.0, 0.0);
+        for (i, by) in by_state {
+            if *i >= moving {
+                at_start[*i] += by;
+                walked += mean.case.walk_variance(mean.layout, *i, after_s) * by.powi(2);
+                continue;
+            }
+            at_start.iter_mut().zip(self.transition.row(*i)).for_each(|(at, through)| *at += by * through);
+            random += self
+                .noise
+                .as_ref()
+                .map_or(0.0, |noise| by * dot(by_state_of(by_state, moving), noise.row(*i)));
+        }
         at_start.dot(&(&self.covariance * &at_start)) + random + walked
     }
+}
+
+/// The part of a row that moves.
+fn by_state_of(row: &[(usize, f64)], moving: usize) -> &[(usize, f64)] {
+    &row[..row.partition_point(|(i, _)| *i < moving)]
 }

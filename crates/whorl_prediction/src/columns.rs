@@ -1,93 +1,142 @@
-//! How the estimates and innovations of a filter change with the parameters of its model, through the same gains.
+//! How the estimates and innovations of a filter change with its state at an earlier instant and with the parameters of its model, through
+//! the same gains.
 //!
 //! For each parameter another plant begins every step in the filter's own state, with the model a little further along the
 //! parameter: what it does otherwise is what drives the column, whatever the effect is. See METHOD.md, "Sensitivities".
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
 use whorl_dynamics::Plant;
 use whorl_dynamics::plant::{Acts, LinearisedPlant};
 use whorl_recording::Channel;
 
 use crate::design::Design;
 use crate::error::PredictionError;
-use crate::heading::UnseenHeading;
+use crate::gains::Gains;
 use crate::information::Information;
-use crate::laws::{Laws, Push};
+use crate::innovations::Mean;
+use crate::lanes::{BLOCK, Gain, Lanes, dot};
+use crate::laws::{Laws, Push, add_rates_by_torque};
 use crate::layout::Layout;
 use crate::other::{Differs, Does, Other, Varied};
 use crate::prepared::{OtherModel, Prepared};
-use crate::rows::{Row, Taken};
-use crate::sums::Sums;
-use crate::transition::add_product_transposed;
+use crate::rows::{Readings, Row};
+use crate::since::Since;
 
 /// Steps up to this share of the time of the fastest motion may be taken with what a parameter does at their start: the motion turns
 /// what it does by as many radians meanwhile.
 const SHORT_STEP: f64 = 0.05;
 
-/// Columns of sensitivities, one for each parameter, then one for the size of each law.
-#[derive(Clone)]
+/// Columns of sensitivities: those of the state at the beginning, one for each parameter, then one for the size of each law.
 pub(crate) struct Columns<'a> {
+    /// Coordinates of the state at the beginning, if their columns are wanted.
+    states: usize,
     others: Vec<Other<'a>>,
     /// What has no parameter, behind the others,
     laws: Option<&'a Laws<'a>>,
     /// and what it does over the present step.
     pushes: Vec<Push>,
     /// The filter's own model, which takes the steps that the others take.
-    reference: OtherModel<'a>,
+    reference: Option<OtherModel<'a>>,
     /// Where the filter's plant was before the step, where readings are taken to be late.
     before: Option<Plant>,
     /// How the reference acts over the present step, if that is short.
     acts: Option<Acts>,
-    /// Of the filter's estimate, parameters by coordinates of the layout, per unit: numbers of a coordinate lie side by side.
-    of_state: DMatrix<f64>,
-    /// Of the estimate of the start, the same way.
-    of_start: DMatrix<f64>,
-    /// What is added over half of a step, and the moving part of `of_state` behind it: made at every step in the same place.
-    half: DMatrix<f64>,
-    behind: DMatrix<f64>,
+    blocks: Vec<Block>,
+    /// Columns that took a step of their own, one after the other.
+    stepped: Vec<f64>,
+    /// Readings of another model.
+    varied: Readings,
     /// Sum of d d^T / S over all innovations e with d = de/dtheta: the information on the parameters.
     information: Information,
     /// Sum of d e / S.
     slope: DVector<f64>,
     /// How fast the filter's state moved over the last step, coordinates of the plant per second.
     rates: DVector<f64>,
-    /// d of the innovations of the present instant, a column each in their order.
-    latest: DMatrix<f64>,
     /// d of all innovations, if they are kept.
     design: Option<Design>,
 }
 
+/// Columns that lie side by side.
+struct Block {
+    /// Of the filter's estimate, a row for each coordinate of the layout, per unit.
+    of_state: Lanes,
+    /// What is added over half of a step, to coordinates of the plant; all zeros: nothing.
+    half: Lanes,
+    is_pushed: bool,
+    /// Of the innovations of the present instant, a row each.
+    d: Lanes,
+}
+
+/// What columns say at the end: of the state at the beginning first, then of parameters and laws.
+pub(crate) struct Said {
+    /// Sum of d d^T / S.
+    pub information: DMatrix<f64>,
+    /// Minus the sum of d e / S: d log p by each.
+    pub slope: DVector<f64>,
+    pub design: Option<Design>,
+}
+
 impl<'a> Columns<'a> {
-    /// For a filter that has not begun.
+    /// For a filter that has not begun; `of_start`: with columns of the state at its start.
     pub fn new(
         case: &Prepared<'a>,
         layout: Layout,
+        of_start: bool,
         varied: &[Varied],
         laws: Option<&'a Laws<'a>>,
     ) -> Result<Self, PredictionError> {
-        let (size, moving) = (layout.size(), layout.moving());
-        let n = varied.len() + laws.map_or(0, Laws::count);
+        let states = if of_start { layout.size() } else { 0 };
         let others: Vec<Other<'a>> =
             varied.iter().map(|varied| Other::new(case, varied)).collect::<Result<_, _>>()?;
-        let mut reference = case.varied(case.given_model())?;
-        reference.plant = reference.plant.for_differences(others.iter().any(|other| other.behind.is_some()));
-        Ok(Self {
-            others,
-            laws,
+        let mut reference = None;
+        if !others.is_empty() || laws.is_some() {
+            let mut own = case.varied(case.given_model())?;
+            own.plant = own.plant.for_differences(others.iter().any(|other| other.behind.is_some()));
+            reference = Some(own);
+        }
+        let plant = case.plant().tangent().size();
+        let mut columns = Self::of_state(layout.size(), states, plant, varied.len(), laws);
+        (columns.others, columns.laws, columns.reference) = (others, laws, reference);
+        Ok(columns)
+    }
+
+    /// Of the state now alone, which has so many coordinates.
+    pub fn since_now(layout: Layout) -> Self {
+        Self::of_state(layout.size(), layout.size(), layout.plant.size(), 0, None)
+    }
+
+    fn of_state(size: usize, states: usize, plant: usize, varied: usize, laws: Option<&Laws<'_>>) -> Self {
+        let (parameters, of_laws) = (states + varied, laws.map_or(0, Laws::count));
+        let count = parameters + of_laws;
+        // One row of few columns, or blocks of many.
+        let (blocks, least) = if count < BLOCK { (1, count.max(1)) } else { (count.div_ceil(BLOCK), BLOCK) };
+        let block = || Block {
+            of_state: Lanes::zeros(size, least),
+            half: Lanes::zeros(plant, least),
+            is_pushed: false,
+            d: Lanes::zeros(0, least),
+        };
+        let mut blocks: Vec<Block> = (0..blocks).map(|_| block()).collect();
+        let width = blocks[0].of_state.width();
+        for i in 0..states {
+            blocks[i / width].of_state.row_mut(i)[i % width] = 1.0;
+        }
+        Self {
+            states,
+            others: Vec::new(),
+            laws: None,
             pushes: Vec::new(),
-            reference,
+            reference: None,
             before: None,
             acts: None,
-            of_state: DMatrix::zeros(n, size),
-            of_start: DMatrix::zeros(n, size),
-            half: DMatrix::zeros(n, case.plant().tangent().size()),
-            behind: DMatrix::zeros(n, moving),
-            information: Information::new(varied.len(), n - varied.len(), laws.map_or(0, Laws::apart)),
-            slope: DVector::zeros(n),
-            rates: DVector::zeros(case.plant().tangent().size()),
-            latest: DMatrix::zeros(n, 0),
+            blocks,
+            stepped: Vec::new(),
+            varied: Readings::default(),
+            information: Information::new(parameters, of_laws, laws.map_or(0, Laws::apart)),
+            slope: DVector::zeros(count),
+            rates: DVector::zeros(plant),
             design: None,
-        })
+        }
     }
 
     /// The same, which keeps how all innovations change.
@@ -96,33 +145,54 @@ impl<'a> Columns<'a> {
         self
     }
 
-    /// The sums over all innovations so far, and how each changes if that was kept.
-    pub fn sums(self) -> (Sums, Option<Design>) {
-        let sums = Sums {
-            information: self.information.sum(),
-            slope: -self.slope,
-            of_start: self.of_start.transpose(),
-        };
-        (sums, self.design)
+    /// What was found of all innovations so far.
+    pub fn said(self) -> Said {
+        Said { information: self.information.sum(), slope: -self.slope, design: self.design }
+    }
+
+    /// What was read since the state of which these columns are.
+    pub fn since(self) -> Since {
+        let transition = self.by_state();
+        let said = self.said();
+        Since { transition, slope: said.slope, information: said.information }
+    }
+
+    /// How the present state changes with that at the beginning.
+    fn by_state(&self) -> DMatrix<f64> {
+        let (n, width) = (self.states, self.width());
+        DMatrix::from_fn(n, n, |i, k| self.blocks[k / width].of_state.row(i)[k % width])
+    }
+
+    fn width(&self) -> usize {
+        self.blocks[0].of_state.width()
     }
 
     /// Before a step that ends at an instant, on the way to that of the next readings: how every varied model acts in the filter's state, or where more happens within the step
     /// than that shows, the model in the state that the filter would have with it.
-    pub fn set_out(&mut self, case: &Prepared<'_>, plant: &Plant, end_ns: i64, instant_ns: i64) {
-        let n = self.rates.len();
+    pub fn set_out(&mut self, mean: &Mean<'_>, end_ns: i64, instant_ns: i64) {
+        let (case, plant) = (mean.case, &mean.plant);
         if let Some(laws) = self.laws {
             laws.at(plant, &mut self.pushes);
         }
-        self.reference.plant.take_motion_of(plant, &[]);
+        let (n, width, first) = (self.rates.len(), self.width(), self.states);
+        let Self { others, reference, blocks, acts, before, stepped, .. } = self;
+        let Some(reference) = reference else { return };
+        reference.plant.take_motion_of(plant, &[]);
         let step_s = (end_ns - plant.now_ns()) as f64 * 1e-9;
-        let is_simple =
-            step_s * case.fastest_1_s() <= SHORT_STEP && self.reference.is_steady_until(case, end_ns);
-        self.acts = is_simple.then(|| self.reference.plant.acts());
-        self.before = self.others.iter().any(Other::is_late).then(|| plant.clone());
-        let jets_rest = is_simple && self.reference.plant.jets_rest();
-        for (other, row) in self.others.iter_mut().zip(self.of_state.row_iter()) {
+        let is_simple = step_s * case.fastest_1_s() <= SHORT_STEP && reference.is_steady_until(case, end_ns);
+        *acts = is_simple.then(|| reference.plant.acts());
+        *before = others.iter().any(Other::is_late).then(|| plant.clone());
+        let jets_rest = is_simple && reference.plant.jets_rest();
+        let any_torque = is_simple && others.iter().any(|other| other.differs == Differs::InTorque);
+        let environment = any_torque.then(|| plant.environment());
+        let wheels = plant.tangent().wheels().len();
+        for (k, other) in others.iter_mut().enumerate() {
             other.does = Does::TheSame;
             if other.differs == Differs::InReadings {
+                continue;
+            }
+            if let Some(environment) = environment.as_ref().filter(|_| other.differs == Differs::InTorque) {
+                other.push(environment, wheels);
                 continue;
             }
             if is_simple && other.differs != Differs::WithinSteps {
@@ -136,79 +206,114 @@ impl<'a> Columns<'a> {
                     continue;
                 }
             }
-            let moved = row.columns(0, n).transpose() * other.step;
-            other.take_motion_of(plant, moved.as_slice(), instant_ns);
+            let (block, lane) = ((first + k) / width, (first + k) % width);
+            stepped.clear();
+            stepped.extend((0..n).map(|i| blocks[block].of_state.row(i)[lane] * other.step));
+            if other.differs == Differs::InTorque {
+                other.stand_in_for(plant, stepped, mean.event);
+            } else {
+                other.take_motion_of(plant, stepped, instant_ns);
+            }
             other.does = Does::Step;
         }
     }
 
-    /// Behind a step of the plant, over which errors moved by this transition. False where a motion is lost.
-    pub fn follow(
-        &mut self,
-        case: &Prepared<'_>,
-        plant: &Plant,
-        linearised: &LinearisedPlant,
-        transition: &DMatrix<f64>,
-        heading: UnseenHeading,
-    ) -> bool {
-        let (m, n) = (transition.nrows(), self.rates.len());
-        let step_s = (plant.now_ns() - self.reference.plant.now_ns()) as f64 * 1e-9;
-        if !self.reference.run_to(case, plant.now_ns()) {
-            return false;
-        }
-        let reference = &self.reference.plant;
-        // Half of what a model does goes through the whole step: s <- F (s + h/2 r) + h/2 r.
-        self.half.fill(0.0);
-        for (k, push) in self.pushes.iter().enumerate() {
-            let rates = push.rates(plant, linearised);
-            self.half.row_mut(self.others.len() + k).tr_copy_from(&(rates * (0.5 * step_s)));
-        }
-        for (other, mut row) in self.others.iter_mut().zip(self.half.row_iter_mut()) {
-            let Some(of_reference) = &self.acts else { break };
-            match other.does {
-                Does::Act => {
-                    let share = 0.5 * step_s / other.step;
-                    let pairs = other.acts.rates.iter().zip(&of_reference.rates);
-                    row.iter_mut().zip(pairs).for_each(|(slot, (own, of))| *slot = share * (own - of));
-                    other.with.plant.wait_until(plant.now_ns(), &other.acts);
-                }
-                Does::TheSame if other.differs == Differs::InJets => {
-                    other.with.plant.wait_until(plant.now_ns(), of_reference);
-                }
-                Does::TheSame | Does::Step => {}
-            }
-        }
-        let mut stepped = Vec::new();
-        for (k, other) in self.others.iter_mut().enumerate().filter(|(_, other)| other.does == Does::Step) {
-            if !other.with.run_to(case, plant.now_ns()) {
+    /// Behind a step of the plant, over which errors moved as the gains have found. False where a motion is lost.
+    pub fn follow(&mut self, case: &Prepared<'_>, plant: &Plant, gains: &Gains<'_>) -> bool {
+        let (transition, axis) = (&gains.step.transition, gains.unseen_axis.as_ref());
+        let (width, first, n) = (self.width(), self.states, self.rates.len());
+        self.stepped.clear();
+        if let Some(reference) = &mut self.reference {
+            let step_s = (plant.now_ns() - reference.plant.now_ns()) as f64 * 1e-9;
+            if !reference.run_to(case, plant.now_ns()) {
                 return false;
             }
-            if let Some(behind) = &mut other.behind {
-                *behind = other.with.plant.behind_filter_less(reference);
+            let reference = &reference.plant;
+            // Half of what a model does goes through the whole step: s <- F (s + h/2 r) + h/2 r.
+            for block in self.blocks.iter_mut().filter(|block| block.is_pushed) {
+                block.half.clear(n);
+                block.is_pushed = false;
             }
-            let before = self.of_state.row(k).columns(0, m).transpose();
-            let mut moved: DVector<f64> = transition.columns(n, m - n) * before.rows(n, m - n);
-            // Where one sticks and the other slips the difference says nothing of a small one.
-            let of_plant = if other.with.plant.is_on_branch_of(reference) {
+            for (k, push) in self.pushes.iter().enumerate() {
+                let column = first + self.others.len() + k;
+                let block = &mut self.blocks[column / width];
+                block.is_pushed = true;
+                push.add_rates(plant, &gains.linearised, 0.5 * step_s, &mut |i, rate| {
+                    block.half.row_mut(i)[column % width] += rate;
+                });
+            }
+            for (k, other) in self.others.iter_mut().enumerate() {
+                let Some(of_reference) = &self.acts else { break };
+                let column = first + k;
+                match other.does {
+                    Does::Act => {
+                        let share = 0.5 * step_s / other.step;
+                        let block = &mut self.blocks[column / width];
+                        block.is_pushed = true;
+                        for (i, (own, of)) in other.acts.rates.iter().zip(&of_reference.rates).enumerate() {
+                            block.half.row_mut(i)[column % width] = share * (own - of);
+                        }
+                        other.with.plant.wait_until(plant.now_ns(), &other.acts);
+                    }
+                    Does::Push => {
+                        let share = 0.5 * step_s / other.step;
+                        let block = &mut self.blocks[column / width];
+                        block.is_pushed = true;
+                        let (body, wheels) = (other.body_n_m * share, other.wheels_n_m.map(|x| x * share));
+                        add_rates_by_torque(plant, &gains.linearised, body, &wheels, &mut |i, rate| {
+                            block.half.row_mut(i)[column % width] += rate;
+                        });
+                    }
+                    Does::TheSame if other.differs == Differs::InJets => {
+                        other.with.plant.wait_until(plant.now_ns(), of_reference);
+                    }
+                    Does::TheSame | Does::Step => {}
+                }
+            }
+            for (k, other) in self.others.iter_mut().enumerate().filter(|(_, other)| other.does == Does::Step)
+            {
+                if !other.with.run_to(case, plant.now_ns()) {
+                    return false;
+                }
+                if let Some(behind) = &mut other.behind {
+                    *behind = other.with.plant.behind_filter_less(reference);
+                }
+                let (block, lane) = (&self.blocks[(first + k) / width], (first + k) % width);
+                let before = |i: usize| block.of_state.row(i)[lane];
+                // Where one sticks and the other slips the difference says nothing of a small one.
+                let is_alike = other.with.plant.is_on_branch_of(reference);
                 // The plants know better than derivatives that are held how a state moves on; disturbances they have in
                 // common.
-                other.with.plant.motion_less(reference) / other.step
-            } else {
-                transition.view((0, 0), (n, n)) * before.rows(0, n)
-            };
-            moved.rows_mut(0, n).axpy(1.0, &of_plant, 1.0);
-            heading.out_of_change(&mut moved, plant);
-            stepped.push((k, moved));
+                let moved = is_alike.then(|| other.with.plant.motion_less(reference) / other.step);
+                for (i, row) in transition.rows().enumerate() {
+                    let of_rest = row.iter().filter(|(k, _)| *k >= n || !is_alike || i >= n);
+                    let through: f64 = of_rest.map(|(k, by)| by * before(*k)).sum();
+                    let own = match &moved {
+                        Some(moved) if i < n => moved[i],
+                        _ => before(i),
+                    };
+                    self.stepped.push(own + through);
+                }
+            }
         }
-        let mut from_now = self.of_state.columns_mut(0, n);
-        from_now += &self.half;
-        self.behind.columns_mut(0, n).copy_from(&self.half);
-        self.behind.columns_mut(n, m - n).fill(0.0);
-        add_product_transposed(&mut self.behind, &self.of_state, transition);
-        for (k, moved) in stepped {
-            self.behind.row_mut(k).tr_copy_from(&moved);
+        for block in &mut self.blocks {
+            if block.is_pushed {
+                block.of_state.add(&block.half);
+            }
+            block.of_state.carry(transition);
+            if block.is_pushed {
+                block.of_state.add(&block.half);
+            }
         }
-        self.of_state.columns_mut(0, m).copy_from(&self.behind);
+        let moving = transition.count();
+        let stepped = self.others.iter().enumerate().filter(|(_, other)| other.does == Does::Step);
+        for ((k, _), moved) in stepped.zip(self.stepped.chunks_exact(moving.max(1))) {
+            let (block, lane) = (&mut self.blocks[(first + k) / width], (first + k) % width);
+            moved.iter().enumerate().for_each(|(i, x)| block.of_state.row_mut(i)[lane] = *x);
+        }
+        if let Some(axis) = axis {
+            self.blocks.iter_mut().for_each(|block| block.of_state.level(axis));
+        }
         if let Some(before) = &self.before {
             let step_s = (plant.now_ns() - before.now_ns()) as f64 * 1e-9;
             self.rates = plant.motion_less(before) / step_s;
@@ -218,122 +323,142 @@ impl<'a> Columns<'a> {
 
     /// A wheel that its friction holds stands whatever the parameters are.
     pub fn hold(&mut self, coordinate: usize) {
-        self.of_state.column_mut(coordinate).fill(0.0);
+        self.blocks.iter_mut().for_each(|block| block.of_state.hold_row(coordinate));
     }
 
-    /// How each of these readings in a state changes with the parameters where the state does not: parameters by readings. `read` is
-    /// what other models read there.
-    pub fn of_readings(
-        &mut self,
-        plant: &Plant,
-        linearised: &LinearisedPlant,
-        rows: &[Row],
-        read: &dyn Fn(&Plant) -> Vec<Row>,
-    ) -> DMatrix<f64> {
-        let n = self.rates.len();
-        let here = vec![0.0; n];
-        // What differs in readings alone shows in the state as it is now.
-        let now = self.others.iter().any(|other| other.differs == Differs::InReadings).then(|| {
-            self.reference.plant.take_motion_of(plant, &[]);
-            self.reference.plant.acts()
-        });
-        let mut found = DMatrix::zeros(self.count(), rows.len());
+    /// How each reading in the filter's state changes with the parameters where the state does not.
+    pub fn read(&mut self, mean: &Mean<'_>, linearised: &LinearisedPlant, readings: &Readings) {
+        let plant = &mean.plant;
+        let (width, n, first) = (self.width(), self.rates.len(), self.states);
+        self.blocks.iter_mut().for_each(|block| block.d.clear(readings.rows.len()));
         // What a sensor adds it adds to what it reads now; of a torque, what it was over the step.
-        let mut pushes = self.pushes.clone();
-        if let Some(laws) = self.laws.filter(|_| pushes.is_empty() || !pushes.iter().all(Push::is_torque)) {
-            laws.at(plant, &mut pushes);
-            let over_step = pushes.iter_mut().zip(&self.pushes).filter(|(_, of_step)| of_step.is_torque());
-            over_step.for_each(|(push, of_step)| *push = *of_step);
-        }
-        for (k, push) in pushes.iter().enumerate() {
-            for (row, slot) in rows.iter().zip(found.row_mut(self.others.len() + k).iter_mut()) {
-                *slot = push.of_reading(plant, linearised, row);
+        let mut set = |column: usize, row: usize, x: f64| {
+            self.blocks[column / width].d.row_mut(row)[column % width] = x;
+        };
+        if let Some(laws) = self.laws {
+            if self.pushes.is_empty() || !self.pushes.iter().all(Push::is_torque) {
+                let mut now = Vec::with_capacity(self.pushes.len());
+                laws.at(plant, &mut now);
+                let over_step = now.iter_mut().zip(&self.pushes).filter(|(_, of_step)| of_step.is_torque());
+                over_step.for_each(|(push, of_step)| *push = *of_step);
+                self.pushes = now;
+            }
+            for (k, push) in self.pushes.iter().enumerate() {
+                for (r, row) in readings.rows.iter().enumerate() {
+                    let by_state = readings.by_state.row(r);
+                    set(first + self.others.len() + k, r, push.of_reading(plant, linearised, row, by_state));
+                }
             }
         }
-        for (other, mut slots) in self.others.iter_mut().zip(found.row_iter_mut()) {
-            let moves = |row: &Row, late_s: f64| {
-                if late_s == 0.0 { 0.0 } else { row.by_state.rows(0, n).dot(&self.rates) * late_s }
+        let Some(reference) = &mut self.reference else { return };
+        // What differs in readings alone shows in the state as it is now.
+        let now = self.others.iter().any(|other| other.differs == Differs::InReadings).then(|| {
+            reference.plant.take_motion_of(plant, &[]);
+            reference.plant.acts()
+        });
+        for (k, other) in self.others.iter_mut().enumerate() {
+            let moves = |r: usize, late_s: f64| {
+                let by_state = || dot_within(readings.by_state.row(r), self.rates.as_slice());
+                if late_s == 0.0 { 0.0 } else { by_state() * late_s }
             };
             let reads_later = match (other.does, &self.acts, &now) {
                 _ if other.turns_vectors => None,
                 (Does::Act, Some(of_reference), _) => Some(of_reference.imu - other.acts.imu),
+                (Does::Push, ..) => {
+                    let wheels = plant.gyrostat().model().wheels().iter().zip(&other.wheels_n_m);
+                    let reaction: Vector3<f64> =
+                        wheels.map(|(wheel, torque)| wheel.spin_axis_b.into_inner() * *torque).sum();
+                    let force = linearised.force_by_torque * (other.body_n_m - reaction);
+                    let mut less = -other.imu;
+                    let mut of_force = less.fixed_rows_mut::<3>(3);
+                    of_force -= force;
+                    Some(less)
+                }
                 (Does::TheSame, _, Some(now)) if other.differs == Differs::InReadings => {
-                    Some(now.imu - other.with.plant.imu_of(&self.reference.plant, now))
+                    Some(now.imu - other.with.plant.imu_of(&reference.plant, now))
                 }
                 (Does::TheSame, ..) => continue,
                 _ => None,
             };
+            let of_imu = other.late_s;
+            let late_s = |row: &Row| match row.component.channel {
+                Channel::Gyro => of_imu[0],
+                Channel::Accelerometer => of_imu[1],
+                _ => 0.0,
+            };
             if let Some(less) = reads_later {
-                for (slot, row) in slots.iter_mut().zip(rows) {
-                    let (at, late_s) = match row.component.channel {
-                        Channel::Gyro => (row.component.index(), other.late_s[0]),
-                        Channel::Accelerometer => (3 + row.component.index(), other.late_s[1]),
+                for (r, row) in readings.rows.iter().enumerate() {
+                    let at = match row.component.channel {
+                        Channel::Gyro => row.component.index(),
+                        Channel::Accelerometer => 3 + row.component.index(),
                         _ => continue,
                     };
-                    *slot = (less[at] + moves(row, late_s)) / other.step;
+                    set(first + k, r, (less[at] + moves(r, late_s(row))) / other.step);
                 }
                 continue;
             }
-            other.take_motion_of(plant, &here, plant.now_ns());
+            other.take_motion_of(plant, &HERE[..n.min(HERE.len())], plant.now_ns());
             if !other.with.plant.is_on_branch_of(plant) {
                 continue;
             }
-            let varied = read(&other.with.plant);
-            for ((slot, row), varied) in slots.iter_mut().zip(rows).zip(&varied) {
-                let late_s = match row.component.channel {
-                    Channel::Gyro => other.late_s[0],
-                    Channel::Accelerometer => other.late_s[1],
-                    _ => 0.0,
-                };
-                *slot = (varied.value - row.value + moves(row, late_s)) / other.step;
+            mean.read_of(&other.with.plant, mean.beside.as_slice(), None, &mut self.varied);
+            for (r, (row, varied)) in readings.rows.iter().zip(&self.varied.rows).enumerate() {
+                set(first + k, r, (varied.value - row.value + moves(r, late_s(row))) / other.step);
             }
         }
-        found
     }
 
-    /// Takes in the readings of an instant; `direct` is how they change with the parameters where the state does not, parameters by
-    /// readings.
-    pub fn take_in(&mut self, rows: &[Row], direct: DMatrix<f64>, taken: &Taken) {
-        let by_state = DMatrix::from_fn(self.of_state.ncols(), rows.len(), |i, k| rows[k].by_state[i]);
-        let mut d = direct;
-        d.gemm(-1.0, &self.of_state, &by_state, 1.0);
-        // What the readings before it of the same instant have changed already.
-        for k in 1..rows.len() {
-            let (before, mut own) = d.columns_range_pair_mut(..k, k);
-            for (q, before) in before.column_iter().enumerate() {
-                let share = by_state.column(k).dot(&taken.gains.column(q));
-                if share != 0.0 {
-                    own.axpy(-share, &before, 1.0);
-                }
+    /// Takes in the readings of an instant, of which these are the innovations.
+    pub fn take_in(&mut self, readings: &Readings, gain: &Gain, values: &[f64]) {
+        // Nobody has read how they change by themselves.
+        for block in &mut self.blocks {
+            if block.d.rows() != readings.rows.len() {
+                block.d.clear(readings.rows.len());
             }
+            block.of_state.take_in(&readings.by_state, gain, &mut block.d);
         }
-        for (k, (value, variance)) in taken.values.iter().zip(&taken.variances).enumerate() {
-            let d = d.column(k);
-            self.information.add(d.as_view(), *variance);
-            self.slope.axpy(value / variance, &d, 1.0);
+        for (r, (value, variance)) in values.iter().zip(&gain.variances).enumerate() {
+            let scale = 1.0 / variance.sqrt();
+            let normalised = self.information.next();
+            for (block, to) in self.blocks.iter().zip(normalised.chunks_mut(block_width(&self.blocks))) {
+                to.iter_mut().zip(block.d.row(r)).for_each(|(to, d)| *to = d * scale);
+            }
+            let e = value * scale;
+            self.slope.iter_mut().zip(normalised.iter()).for_each(|(slope, d)| *slope += e * d);
             if let Some(design) = &mut self.design {
-                design.push(d.as_view(), variance.sqrt());
+                design.push(normalised);
             }
+            self.information.added();
         }
-        self.of_state.gemm(1.0, &d, &taken.gains.transpose(), 1.0);
-        if let Some(of_start) = &taken.of_start {
-            self.of_start.gemm(1.0, &d, &of_start.transpose(), 1.0);
-        }
-        self.latest = d;
     }
 
-    /// The changes of the innovations of the present instant.
-    pub fn latest(&self) -> &DMatrix<f64> {
-        &self.latest
+    /// How the innovation of a reading of the present instant changes with parameter by parameter.
+    pub fn latest(&self, reading: usize) -> DVector<f64> {
+        let width = self.width();
+        let all = self.states..self.slope.len();
+        DVector::from_iterator(all.len(), all.map(|c| self.blocks[c / width].d.row(reading)[c % width]))
     }
 
-    /// How many parameters and laws there are.
+    /// How many columns there are besides those of the state.
     pub fn count(&self) -> usize {
-        self.others.len() + self.laws.map_or(0, Laws::count)
+        self.slope.len() - self.states
     }
 
     /// Whether derivatives by a torque are needed.
-    pub fn has_laws(&self) -> bool {
-        self.laws.is_some()
+    pub fn has_torques(&self) -> bool {
+        self.laws.is_some() || self.others.iter().any(|other| other.differs == Differs::InTorque)
     }
+}
+
+/// No change of a plant's coordinates.
+const HERE: [f64; crate::lanes::MOST_STATES] = [0.0; crate::lanes::MOST_STATES];
+
+fn block_width(blocks: &[Block]) -> usize {
+    blocks.first().map_or(1, |block| block.of_state.width())
+}
+
+/// The product of a row with the first coordinates of a state.
+fn dot_within(row: &[(usize, f64)], state: &[f64]) -> f64 {
+    let end = row.partition_point(|(i, _)| *i < state.len());
+    dot(&row[..end], state)
 }

@@ -1,329 +1,206 @@
 //! The filter: what was read corrects what was predicted.
+//!
+//! Three recursions, each with a module of its own: the mean with its innovations, the covariance with its gains, and how both change with
+//! the state at the start and with parameters.
 
-use nalgebra::{DMatrix, DVector, DVectorView};
-use whorl_dynamics::plant::{LinearisedPlant, Plant};
-use whorl_math::covariance;
-use whorl_recording::Component;
+use nalgebra::{DMatrix, DVector};
 
 use crate::claims::Claims;
 use crate::columns::Columns;
+use crate::frozen::Recorder;
+use crate::gains::Gains;
 use crate::guess::known_biases;
-use crate::heading::UnseenHeading;
-use crate::information::Information;
-use crate::layout::Layout;
-use crate::linearisation::{Place, linearised};
+use crate::innovations::{Innovation, Mean};
 use crate::noise::Noise;
 use crate::prepared::Prepared;
-use crate::readings::Cursor;
-use crate::rows::{Row, Seen, Taken};
-use crate::since::Since;
+use crate::rows::Readings;
 use crate::start::Start;
-use crate::transition::{Step, fastest_rate_1_s};
-
-/// A reading less what was predicted from everything before it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Innovation {
-    /// The instant that the reading shows, time since the start of the run \[s\].
-    pub time_s: f64,
-    /// Which sensor, and which of its sample, from 0.
-    pub component: Component,
-    /// Sample of its series.
-    pub sample: usize,
-    /// Reading less prediction, in the channel's unit; of a direction the angle about one of two axes across it \[rad\].
-    pub value: f64,
-    /// Its predicted standard deviation, in the same unit.
-    pub stddev: f64,
-}
-
-impl Innovation {
-    /// Over its predicted deviation: independent and standard normal for the true model.
-    #[must_use]
-    pub fn normalised(&self) -> f64 {
-        self.value / self.stddev
-    }
-
-    /// Its part of the log likelihood, -1/2 (e^2/S + log 2 pi S).
-    #[must_use]
-    pub fn log_likelihood(&self) -> f64 {
-        -0.5 * (self.normalised().powi(2) + (std::f64::consts::TAU * self.stddev * self.stddev).ln())
-    }
-}
-
-/// How the state at the start covaries with that at the present, and what has been learnt of it.
-pub(crate) struct Origin {
-    /// Start by present.
-    pub covariance: DMatrix<f64>,
-    /// Of the start itself before anything was read,
-    before: DMatrix<f64>,
-    /// and by how much it has become less.
-    learnt: Information,
-    /// How far it is from the start that was given.
-    pub shift: DVector<f64>,
-}
-
-impl Origin {
-    /// The start's covariance given what was read, and how far it is from where the filter began.
-    pub fn end(self) -> (DMatrix<f64>, DVector<f64>) {
-        (self.before - self.learnt.sum(), self.shift)
-    }
-}
 
 /// A filter on its way through a recording.
 pub(crate) struct Filter<'a> {
-    pub(super) case: &'a Prepared<'a>,
-    pub(super) noise: &'a Noise,
-    pub layout: Layout,
-    pub plant: Plant,
-    /// Disturbance and biases: what the state has besides the plant's, by [`Layout`]; entries of the plant are zero.
-    pub beside: DVector<f64>,
-    pub covariance: DMatrix<f64>,
-    /// What predictions ahead need.
-    pub claims: Option<Claims>,
-    /// How it changes with parameters of the model.
+    pub mean: Mean<'a>,
+    pub gains: Gains<'a>,
+    /// How it changes with its state at an instant, and with parameters of the model.
     pub columns: Option<Columns<'a>>,
-    pub(super) linearised: LinearisedPlant,
-    /// Where the derivatives were made.
-    pub(super) place: Place,
-    pub(super) fastest_1_s: f64,
-    /// What a step of this length does to errors with the present derivatives.
-    pub(super) over_step: Option<(i64, Step)>,
-    /// The next command.
-    pub event: usize,
-    cursor: Cursor,
-    pub origin: Option<Origin>,
-    /// How far from the start that was given the filter began,
+    /// Keeps gains for passes that take them as they are.
+    pub recorder: Option<Recorder>,
+    /// Of the present instant.
+    pub readings: Readings,
+    /// Covariance of the start, how far from the start that was given the filter began,
+    known: DMatrix<f64>,
     begun: DVector<f64>,
     /// and what of the logarithm of what was known before the run the innovations do not say.
     pub log_known: f64,
-    /// What the readings since an instant say of the state there.
-    pub since: Option<Since>,
-    /// What of the attitude at the start is of no consequence.
-    pub heading: UnseenHeading,
-    /// The motion is no longer finite.
-    pub lost: bool,
 }
 
 impl<'a> Filter<'a> {
     pub fn new(case: &'a Prepared<'a>, noise: &'a Noise, start: &Start) -> Self {
-        let mut plant = case.plant().clone();
-        start.put(&mut plant);
-        let event = case.first_event();
-        let linearised = linearised(&plant, noise.disturbance.is_some() || case.drives_with_noise());
-        let heading = UnseenHeading::of(case, &plant, &linearised);
-        let layout = start.layout;
-        let mut filter = Self {
-            case,
-            noise,
-            layout,
-            fastest_1_s: 0.0,
-            beside: start.beside.clone(),
-            covariance: heading.out_of(&start.covariance),
-            claims: None,
+        let mean = Mean::new(case, noise, start);
+        let gains = Gains::new(case, noise, start, &mean.plant);
+        let size = start.layout.size();
+        Self {
             columns: None,
-            linearised,
-            place: Place::of(&plant),
-            over_step: None,
-            heading,
-            plant,
-            event,
-            cursor: Cursor::new(case.tracks()),
-            origin: None,
-            begun: DVector::zeros(layout.size()),
+            recorder: None,
+            readings: Readings::default(),
+            known: gains.covariance.matrix(size, size),
+            begun: DVector::zeros(size),
             log_known: 0.0,
-            since: None,
-            lost: false,
-        };
-        filter.fastest_1_s = fastest_rate_1_s(&filter.motion());
-        filter
-    }
-
-    /// The same of a start that moves from pass to pass: what was known of the sensors' biases before the run stays about none. With b
-    /// the start's biases, B the variances known of them and P the start's covariance, in which B is a part of the information,
-    ///
-    /// ```text
-    /// start' = start - P B^-1 b        log p' = log p - b B^-1 b/2 + b B^-1 P B^-1 b/2
-    /// ```
-    ///
-    /// Otherwise pass after pass would move the biases as if nothing were known of them, against a tilt that looks the same.
-    pub fn about_known_biases(mut self, start: &Start) -> Self {
-        let mut pull = DVector::zeros(self.layout.size());
-        for (i, stddev) in known_biases(self.case, self.layout).filter(|(_, stddev)| *stddev > 0.0) {
-            pull[i] = -start.beside[i] / (stddev * stddev);
+            mean,
+            gains,
         }
-        self.begun = &self.covariance * &pull;
-        self.log_known = 0.5 * (pull.dot(&start.beside) + pull.dot(&self.begun));
-        let begun = self.begun.clone();
-        self.change(begun.as_view());
-        self
     }
 
-    /// The same, which learns of its start as it goes.
-    pub fn looking_back(mut self) -> Self {
-        let p = &self.covariance;
-        let learnt = Information::new(p.nrows(), 0, 0);
-        let shift = self.begun.clone();
-        self.origin = Some(Origin { covariance: p.clone(), before: p.clone(), learnt, shift });
+    /// The same of a start that moves from pass to pass: what was known of the sensors' biases before the run stays about none.
+    pub fn about_known_biases(mut self, start: &Start) -> Self {
+        let (begun, log_known) = begun_about_known_biases(self.mean.case, start, &self.known);
+        self.mean.change(&begun);
+        (self.begun, self.log_known) = (begun, log_known);
         self
     }
 
     /// The same from which predictions ahead begin.
     pub fn claiming(mut self) -> Self {
-        self.claims = Some(Claims::new(&self.covariance, self.layout, self.has_own_noise()));
+        let has_own_noise = self.has_own_noise();
+        self.gains.claims = Some(Claims::new(&self.gains.covariance, self.mean.layout, has_own_noise));
         self
     }
 
-    /// The same, which finds how it changes with parameters.
+    /// The same, which finds how it changes with its start and with parameters.
     pub fn varying(mut self, columns: Columns<'a>) -> Self {
-        if columns.has_laws() {
-            self.plant.linearise_torque(&mut self.linearised);
+        if columns.has_torques() {
+            self.gains.with_torques(&self.mean.plant);
         }
         self.columns = Some(columns);
         self
     }
 
-    /// Whether derivatives by a torque are needed: of disturbances, of laws, or of wheels that are driven along their speeds.
-    pub(super) fn has_torques(&self) -> bool {
-        self.noise.disturbance.is_some()
-            || self.case.drives_with_noise()
-            || self.columns.as_ref().is_some_and(Columns::has_laws)
+    /// Whether the motion is lost.
+    pub fn is_lost(&self) -> bool {
+        self.mean.lost
+    }
+
+    /// Covariance of the start, and how far from the start that was given the filter began.
+    pub fn begun(&self) -> (&DMatrix<f64>, &DVector<f64>) {
+        (&self.known, &self.begun)
     }
 
     /// What the model alone claims to know now, without disturbances.
-    pub fn claimed(&self) -> &DMatrix<f64> {
-        self.claims.as_ref().and_then(|claims| claims.covariance.as_ref()).unwrap_or(&self.covariance)
+    pub fn claimed(&self) -> DMatrix<f64> {
+        let claimed = self.gains.claims.as_ref().and_then(|claims| claims.covariance.as_ref());
+        let size = self.mean.layout.size();
+        claimed.unwrap_or(&self.gains.covariance).matrix(size, size)
     }
 
-    /// The instant of the next readings \[ns\].
-    pub fn next_ns(&self) -> Option<i64> {
-        self.cursor.instant_ns(self.case.tracks())
+    /// Whether anything random moves besides disturbances.
+    pub fn has_own_noise(&self) -> bool {
+        let case = self.mean.case;
+        case.hidden_noise().any(|level| level > 0.0) || case.drives_with_noise()
     }
 
     /// Goes to the next instant at which anything was read, and takes it in: `told` hears what was found. False behind the
     /// last, and when the motion is lost.
     pub fn step(&mut self, told: &mut dyn FnMut(&Innovation)) -> bool {
-        self.go().is_some_and(|instant_ns| {
-            let due = self.due(instant_ns);
-            let rows = self.rows(&due);
-            let mut columns = self.columns.take();
-            let direct = columns.as_mut().map(|columns| {
-                let read = |plant: &Plant| self.values_of(plant, &due);
-                columns.of_readings(&self.plant, &self.linearised, &rows, &read)
-            });
-            self.columns = columns;
-            self.take_in(&rows, direct, told);
-            !self.lost
-        })
+        if !self.go() {
+            return false;
+        }
+        self.read();
+        self.take_in(told);
+        !self.mean.lost
     }
 
-    /// Goes to the next instant at which anything was read.
-    pub fn go(&mut self) -> Option<i64> {
-        let instant_ns = self.next_ns()?;
-        // What is read then is known before: what a platform does there is what others begin with.
-        self.plant.average_readings(self.case.mean_inputs(instant_ns));
+    /// Goes to the next instant at which anything was read; false where there is none.
+    pub fn go(&mut self) -> bool {
+        let Some(instant_ns) = self.mean.next_ns() else { return false };
+        self.mean.set_out(instant_ns);
         self.propagate(instant_ns);
-        (!self.lost).then_some(instant_ns)
+        self.mean.find_due(instant_ns);
+        !self.mean.lost
     }
 
-    /// What was read at the present instant: tracks and samples.
-    pub fn due(&mut self, instant_ns: i64) -> Vec<(usize, usize)> {
-        let tracks = self.case.tracks();
-        std::iter::from_fn(|| self.cursor.take(tracks, instant_ns)).collect()
+    /// Reads what is due.
+    pub fn read(&mut self) {
+        self.mean.read(Some(&self.gains.linearised), &mut self.readings);
     }
 
-    /// What these readings show of the state.
-    pub fn rows(&self, due: &[(usize, usize)]) -> Vec<Row> {
-        self.rows_of(&self.plant, &self.beside, due)
-    }
-
-    /// What the same readings show of another state close by.
-    pub fn rows_of(&self, plant: &Plant, beside: &DVector<f64>, due: &[(usize, usize)]) -> Vec<Row> {
-        self.seen(plant, beside, true).rows(due)
-    }
-
-    /// What they are less their predictions with another model in the present state; without derivatives.
-    pub fn values_of(&self, plant: &Plant, due: &[(usize, usize)]) -> Vec<Row> {
-        self.seen(plant, &self.beside, false).rows(due)
-    }
-
-    fn seen<'b>(&'b self, plant: &'b Plant, beside: &'b DVector<f64>, with_derivatives: bool) -> Seen<'b> {
-        Seen {
-            case: self.case,
-            noise: self.noise,
-            layout: self.layout,
-            plant,
-            beside,
-            linearised: with_derivatives.then_some(&self.linearised),
+    /// Corrects the state by what was read, one number after the other.
+    pub fn take_in(&mut self, told: &mut dyn FnMut(&Innovation)) {
+        let (mean, gains) = (&mut self.mean, &mut self.gains);
+        if let Some(columns) = &mut self.columns {
+            columns.read(mean, &gains.linearised, &self.readings);
+        }
+        // Every reading has noise: without a variance the covariance is beyond repair.
+        if !gains.correct(&self.readings) {
+            mean.lost = true;
+            return;
+        }
+        mean.take_in(&self.readings, &gains.gain, told);
+        if let Some(columns) = &mut self.columns {
+            columns.take_in(&self.readings, &gains.gain, &mean.values);
+        }
+        if let Some(recorder) = &mut self.recorder {
+            recorder.take_in(&gains.gain);
         }
     }
 
-    /// Corrects the state by these readings, one number after the other; `direct` is how they change with the parameters where the
-    /// state does not.
-    pub fn take_in(&mut self, rows: &[Row], direct: Option<DMatrix<f64>>, told: &mut dyn FnMut(&Innovation)) {
-        let time_s = self.plant.now_ns() as f64 * 1e-9;
-        let size = self.layout.size();
-        let mut change = DVector::zeros(size);
-        let mut taken = Taken::new(size, rows.len(), self.origin.as_ref().map(|o| o.covariance.nrows()));
-        for (k, row) in rows.iter().enumerate() {
-            let a = product(&self.covariance, &row.by_state);
-            let s = row.by_state.dot(&a) + row.variance;
-            let value = row.value - row.by_state.dot(&change);
-            // Every reading has noise: without a variance the covariance is beyond repair, without a value the motion.
-            if !(s > 0.0 && s.is_finite() && value.is_finite()) {
-                self.lost = true;
-                return;
+    fn propagate(&mut self, to_ns: i64) {
+        let (mean, gains) = (&mut self.mean, &mut self.gains);
+        let case = mean.case;
+        gains.set_out();
+        while mean.plant.now_ns() < to_ns && !mean.lost {
+            let from_ns = mean.plant.now_ns();
+            let left_ns = to_ns - from_ns;
+            // Equal steps, so that none is tiny.
+            let steps = (left_ns as f64 * 1e-9 / gains.longest_s()).ceil().clamp(1.0, 1e6);
+            let end_ns = (from_ns + ((left_ns as f64 / steps).ceil() as i64).max(1)).min(to_ns);
+            if let Some(columns) = &mut self.columns {
+                columns.set_out(mean, end_ns, to_ns);
             }
-            told(&Innovation {
-                time_s,
-                component: row.component,
-                sample: row.sample,
-                value,
-                stddev: s.sqrt(),
-            });
-            let gain = covariance::correct_scalar(&mut self.covariance, &a, s);
-            if let Some(claimed) = self.claims.as_mut().and_then(|claims| claims.covariance.as_mut()) {
-                let a = product(claimed, &row.by_state);
-                let s = row.by_state.dot(&a) + row.variance;
-                covariance::correct_scalar(claimed, &a, s);
+            mean.advance(end_ns);
+            gains.follow(&mean.plant, end_ns - from_ns);
+            if let Some(columns) = &mut self.columns {
+                mean.lost |= !columns.follow(case, &mean.plant, gains);
             }
-            change.axpy(value, &gain, 1.0);
-            if let Some(since) = &mut self.since {
-                since.learn(&row.by_state, value, s, &gain);
+            mean.fade(&gains.step.transition, gains.unseen_axis.as_ref(), (end_ns - from_ns) as f64 * 1e-9);
+            if let Some(recorder) = &mut self.recorder {
+                recorder.step(end_ns, gains, mean.layout);
             }
-            if let Some((origin, mut gain_of_start)) =
-                self.origin.as_mut().zip(taken.of_start.as_mut().map(|all| all.column_mut(k)))
-            {
-                let b = product(&origin.covariance, &row.by_state);
-                origin.covariance.ger(-1.0 / s, &b, &a, 1.0);
-                origin.learnt.add(b.as_view(), s);
-                gain_of_start.axpy(1.0 / s, &b, 0.0);
-                origin.shift.axpy(value, &gain_of_start, 1.0);
-            }
-            taken.add(value, s, &gain);
         }
-        covariance::symmetrise(&mut self.covariance);
-        if let Some(claimed) = self.claims.as_mut().and_then(|claims| claims.covariance.as_mut()) {
-            covariance::symmetrise(claimed);
+        if let Some(claims) = &mut gains.claims {
+            claims.arrive();
         }
-        self.change(change.as_view());
-        if let Some((columns, direct)) = self.columns.as_mut().zip(direct) {
-            columns.take_in(rows, direct, &taken);
-        }
+        self.hold_wheels();
     }
 
-    fn change(&mut self, change: DVectorView<'_, f64>) {
-        let n = self.layout.plant.size();
-        for i in n..self.layout.size() {
-            self.beside[i] += change[i];
+    /// Nothing is uncertain of a wheel that its friction holds.
+    fn hold_wheels(&mut self) {
+        for (i, held) in self.mean.layout.plant.wheels().zip(self.mean.plant.held_wheels()) {
+            if held {
+                self.gains.hold(i);
+                self.columns.iter_mut().for_each(|columns| columns.hold(i));
+            }
         }
-        self.plant.change_state(&change.as_slice()[..n]);
     }
 }
 
-/// A matrix times a vector most of whose entries are zero.
-pub(crate) fn product(matrix: &DMatrix<f64>, sparse: &DVector<f64>) -> DVector<f64> {
-    let mut product = DVector::zeros(matrix.nrows());
-    for (column, x) in matrix.column_iter().zip(sparse).filter(|(_, x)| **x != 0.0) {
-        product.axpy(*x, &column, 1.0);
+/// How far from a start a filter begins whose start moves from pass to pass, while what was known of the sensors' biases before the run
+/// stays about none, and what that adds to the log likelihood. With b the start's biases, B the variances known of them and P the start's
+/// covariance, in which B is a part of the information,
+///
+/// ```text
+/// start' = start - P B^-1 b        log p' = log p - b B^-1 b/2 + b B^-1 P B^-1 b/2
+/// ```
+///
+/// Otherwise pass after pass would move the biases as if nothing were known of them, against a tilt that looks the same.
+pub(crate) fn begun_about_known_biases(
+    case: &Prepared<'_>,
+    start: &Start,
+    known: &DMatrix<f64>,
+) -> (DVector<f64>, f64) {
+    let mut pull = DVector::zeros(start.layout.size());
+    for (i, stddev) in known_biases(case, start.layout).filter(|(_, stddev)| *stddev > 0.0) {
+        pull[i] = -start.beside[i] / (stddev * stddev);
     }
-    product
+    let begun = known * &pull;
+    let log_known = 0.5 * (pull.dot(&start.beside) + pull.dot(&begun));
+    (begun, log_known)
 }

@@ -2,7 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::columns::Columns;
 use crate::filter::Filter;
+use crate::from_start::FromStart;
 use crate::guess::guesses;
 use crate::heading::UnseenHeading;
 use crate::known::narrowed;
@@ -130,21 +132,23 @@ struct Passed {
 
 impl Passed {
     fn over(case: &Prepared<'_>, noise: &Noise, start: Start, part: usize) -> Self {
-        let mut filter = Filter::new(case, noise, &start).about_known_biases(&start).looking_back();
-        let (mut taken, mut likelihood) = (0, Likelihood::begun(&filter));
+        let mut filter = Filter::new(case, noise, &start)
+            .about_known_biases(&start)
+            .varying(Columns::since_now(start.layout));
+        let (mut taken, mut likelihood) = (0, Likelihood::begun(filter.log_known));
         while taken < part && filter.step(&mut |innovation| likelihood.add(innovation)) {
             taken += 1;
         }
-        likelihood.lost = filter.lost;
-        let heading = filter.heading;
-        if filter.lost || !likelihood.log.is_finite() {
+        likelihood.lost = filter.is_lost();
+        let heading = filter.gains.heading;
+        if likelihood.lost || !likelihood.log.is_finite() {
             likelihood.log = f64::NEG_INFINITY;
         }
         let size = start.covariance.nrows();
-        let (own, shift) = match filter.origin {
-            Some(origin) if origin.shift.iter().all(|x| x.is_finite()) => origin.end(),
-            _ => (start.covariance.clone(), DVector::zeros(size)),
-        };
+        let FromStart { shift, own, .. } = FromStart::of(&mut filter);
+        let is_finite = shift.iter().all(|x| x.is_finite());
+        let (shift, own) =
+            if is_finite { (shift, own) } else { (DVector::zeros(size), start.covariance.clone()) };
         Self { start, likelihood, shift, own, heading }
     }
 

@@ -82,7 +82,7 @@ fn layout(case: &Prepared<'_>, noise: &Noise) -> Layout {
     };
     Layout::new(
         case.plant().tangent(),
-        noise.disturbance.is_of_body() && !case.is_clamped(),
+        if case.is_clamped() { 0 } else { noise.disturbance.processes().count() },
         if there(Channel::WheelSpeed) { noise.disturbance.motors() } else { 0 },
         there(Channel::Gyro) && biased(&sensors.gyro.errors),
         there(Channel::Accelerometer) && biased(&sensors.accelerometer.errors),

@@ -1,12 +1,11 @@
 //! The heading of a platform on which nothing shows a heading.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, Vector3};
 use whorl_dynamics::plant::{LinearisedPlant, Plant, ROTATION};
 use whorl_math::vertical_b;
 use whorl_recording::Channel;
 
 use crate::prepared::Prepared;
-use crate::transition::Step;
 
 /// Share of the derivatives by attitude below which motion and readings do not depend on the heading: differences that make them
 /// err by less than a hundredth of it.
@@ -33,6 +32,16 @@ impl UnseenHeading {
         Self { is_unseen: !seen && !matters(linearised, &at_start_b), at_start_b }
     }
 
+    /// The axis at the start turns about which are of no consequence; `None`: all are.
+    pub fn at_start(self) -> Option<Vector3<f64>> {
+        self.is_unseen.then_some(self.at_start_b)
+    }
+
+    /// The same where a plant is now.
+    pub fn now(self, plant: &Plant) -> Option<Vector3<f64>> {
+        self.is_unseen.then(|| vertical_b(&plant.state().q_world_body))
+    }
+
     /// A covariance of the start without it.
     pub fn out_of(self, covariance: &DMatrix<f64>) -> DMatrix<f64> {
         let mut without = covariance.clone();
@@ -42,30 +51,6 @@ impl UnseenHeading {
             level_rows(&mut without, &self.at_start_b);
         }
         without
-    }
-
-    /// A step that ends where a plant is, without what it does to the heading; `None`: as it is.
-    pub fn out_of_step(self, step: &Step, plant: &Plant) -> Option<Step> {
-        self.is_unseen.then(|| {
-            let vertical_b = vertical_b(&plant.state().q_world_body);
-            let mut without = step.clone();
-            level_rows(&mut without.transition, &vertical_b);
-            for noise in without.noise.iter_mut().chain(&mut without.of_model) {
-                level_rows(noise, &vertical_b);
-                noise.transpose_mut();
-                level_rows(noise, &vertical_b);
-            }
-            without
-        })
-    }
-
-    /// A change of the state over a step that ends where a plant is, without that of the heading.
-    pub fn out_of_change(self, change: &mut DVector<f64>, plant: &Plant) {
-        if self.is_unseen {
-            let vertical_b = vertical_b(&plant.state().q_world_body);
-            let mut turn = change.fixed_rows_mut::<3>(ROTATION.start);
-            turn -= vertical_b * turn.dot(&vertical_b);
-        }
     }
 }
 

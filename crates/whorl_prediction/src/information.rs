@@ -1,6 +1,6 @@
 //! The information that innovations bring, gathered so many at a time: products of large matrices take less time.
 
-use nalgebra::{DMatrix, DVectorView};
+use nalgebra::DMatrix;
 
 /// Innovations that are added together.
 const TOGETHER: usize = 64;
@@ -39,9 +39,14 @@ impl Information {
         }
     }
 
-    /// Another innovation.
-    pub fn add(&mut self, d: DVectorView<'_, f64>, variance: f64) {
-        self.waiting.column_mut(self.count).axpy(1.0 / variance.sqrt(), &d, 0.0);
+    /// Room for d / sqrt(S) of another innovation, which is in the sum once it is [`Self::added`].
+    pub fn next(&mut self) -> &mut [f64] {
+        let size = self.sum.nrows();
+        &mut self.waiting.as_mut_slice()[self.count * size..(self.count + 1) * size]
+    }
+
+    /// The innovation is as it should be.
+    pub fn added(&mut self) {
         self.count += 1;
         if self.count == TOGETHER {
             self.gather();
@@ -87,7 +92,8 @@ mod tests {
         for n in 0..150 {
             let d = DVector::from_fn(size, |i, _| f64::sin((i * 7 + n * 13) as f64));
             let variance = 1.0 + (n % 5) as f64;
-            information.add(d.as_view(), variance);
+            information.next().iter_mut().zip(&d).for_each(|(to, d)| *to = d / variance.sqrt());
+            information.added();
             expected += &d * d.transpose() / variance;
         }
         let found = information.sum();

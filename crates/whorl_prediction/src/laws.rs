@@ -1,7 +1,8 @@
 //! What a model may lack without anybody having a formula for it: laws that act in the state in which a filter is.
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::Vector3;
 use whorl_dynamics::Plant;
+use whorl_dynamics::actuators::wheels::MAX_WHEELS;
 use whorl_dynamics::plant::{LinearisedPlant, ROTATION};
 use whorl_recording::Channel;
 
@@ -75,24 +76,33 @@ impl Push {
         }
     }
 
-    /// How fast the coordinates of a plant move by it [unit/s]; a wheel that friction holds nothing pushes.
-    pub(crate) fn rates(&self, plant: &Plant, linearised: &LinearisedPlant) -> DVector<f64> {
-        let mut rates = DVector::zeros(plant.tangent().size());
-        let is_held = |wheel: usize| plant.held_wheels().nth(wheel).unwrap_or(true);
-        if matches!(self, Self::Wheel(wheel, _) if is_held(*wheel)) || !self.is_torque() {
-            return rates;
+    /// Adds how fast the coordinates of a plant move by it \[unit/s\], times a factor.
+    pub(crate) fn add_rates(
+        &self,
+        plant: &Plant,
+        linearised: &LinearisedPlant,
+        factor: f64,
+        add: &mut dyn FnMut(usize, f64),
+    ) {
+        match *self {
+            Self::Body(torque_n_m) => add_rates_by_torque(plant, linearised, torque_n_m * factor, &[], add),
+            Self::Wheel(position, torque_n_m) if position < MAX_WHEELS => {
+                let mut wheels = [0.0; MAX_WHEELS];
+                wheels[position] = torque_n_m * factor;
+                add_rates_by_torque(plant, linearised, Vector3::zeros(), &wheels, add);
+            }
+            Self::Wheel(..) | Self::Gyro(_) | Self::Turn(_) => {}
         }
-        rates.gemv(1.0, &linearised.rate_by_torque, &self.on_body_n_m(plant), 0.0);
-        if let Self::Wheel(position, torque_n_m) = *self
-            && let Some(wheel) = plant.gyrostat().model().wheels().get(position)
-        {
-            rates[plant.tangent().wheels().start + position] += torque_n_m / wheel.spin_inertia_kg_m2;
-        }
-        rates
     }
 
     /// How much a reading less its prediction changes by it where the state does not.
-    pub(crate) fn of_reading(&self, plant: &Plant, linearised: &LinearisedPlant, row: &Row) -> f64 {
+    pub(crate) fn of_reading(
+        &self,
+        plant: &Plant,
+        linearised: &LinearisedPlant,
+        row: &Row,
+        by_state: &[(usize, f64)],
+    ) -> f64 {
         let index = row.component.index();
         match (row.component.channel, *self) {
             (Channel::Gyro, Self::Gyro(error)) => -error.get(index).copied().unwrap_or(0.0),
@@ -102,9 +112,34 @@ impl Push {
             }
             // As if the body were turned the other way.
             (Channel::Vector, Self::Turn(rotation)) => {
-                row.by_state.fixed_rows::<3>(ROTATION.start).dot(&rotation)
+                by_state.iter().filter(|(i, _)| ROTATION.contains(i)).map(|(i, x)| x * rotation[*i]).sum()
             }
             _ => 0.0,
+        }
+    }
+}
+
+/// Adds how fast the coordinates of a plant move by torques on the body, body axes, and on wheels, of which the body takes the opposite
+/// [N m]; a wheel that friction holds nothing pushes.
+pub(crate) fn add_rates_by_torque(
+    plant: &Plant,
+    linearised: &LinearisedPlant,
+    mut body_n_m: Vector3<f64>,
+    wheels_n_m: &[f64],
+    add: &mut dyn FnMut(usize, f64),
+) {
+    let pushed = plant.gyrostat().model().wheels().iter().zip(wheels_n_m).zip(plant.held_wheels());
+    for (j, ((wheel, torque_n_m), held)) in pushed.enumerate() {
+        if *torque_n_m != 0.0 && !held {
+            body_n_m -= wheel.spin_axis_b.into_inner() * *torque_n_m;
+            add(plant.tangent().wheels().start + j, torque_n_m / wheel.spin_inertia_kg_m2);
+        }
+    }
+    let by_torque = &linearised.rate_by_torque;
+    for i in 0..by_torque.nrows() {
+        let rate: f64 = (0..3).map(|axis| by_torque[(i, axis)] * body_n_m[axis]).sum();
+        if rate != 0.0 {
+            add(i, rate);
         }
     }
 }

@@ -18,10 +18,10 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// With a disturbance of the body, of so many motors, and the biases of the two sensors.
+    /// With so many random torques on the body, of so many motors, and the biases of the two sensors.
     pub(crate) fn new(
         plant: Tangent,
-        disturbance: bool,
+        disturbances: usize,
         motors: usize,
         gyro_bias: bool,
         force_bias: bool,
@@ -29,14 +29,14 @@ impl Layout {
         let three = |there| if there { 3 } else { 0 };
         Self {
             plant,
-            disturbance: three(disturbance),
+            disturbance: 3 * disturbances,
             motors,
             gyro_bias: three(gyro_bias),
             force_bias: three(force_bias),
         }
     }
 
-    /// The disturbance torque on the body.
+    /// The disturbance torques on the body, about three axes each.
     #[must_use]
     pub fn disturbance(&self) -> Range<usize> {
         after(self.plant.size(), self.disturbance)

@@ -8,12 +8,13 @@ use std::collections::BTreeMap;
 use nalgebra::DVector;
 use whorl_recording::{Channel, Component};
 
-use crate::filter::{Filter, Innovation};
+use crate::filter::Filter;
 use crate::fitted::{FittedStart, fitted_start_near, fitted_start_within};
 use crate::guess::fastest_change;
+use crate::innovations::Innovation;
 use crate::layout::Layout;
 use crate::likelihood::Likelihood;
-use crate::noise::{Disturbance, Noise};
+use crate::noise::{Disturbance, Noise, RandomTorque};
 use crate::prepared::Prepared;
 use crate::start::Start;
 
@@ -153,16 +154,20 @@ fn first_guess(case: &Prepared<'_>) -> Disturbance {
     // Where no speed is a reading, no motor shows.
     let shown = case.tracks().iter().any(|track| track.channel == Channel::WheelSpeed);
     Disturbance {
-        stddev_b_n_m: [body; 3],
+        body: vec![RandomTorque {
+            stddev_b_n_m: [body; 3],
+            correlation_s: case.settings().disturbance_correlation_s,
+        }],
         motors_n_m: if shown { wheels } else { Vec::new() },
-        correlation_s: case.settings().disturbance_correlation_s,
+        motors_correlation_s: case.settings().disturbance_correlation_s,
     }
 }
 
 /// Whether no level changes by more than a share.
 pub(crate) fn stands(now: &Noise, next: &Noise, share: f64) -> bool {
     let levels = |noise: &Noise| -> Vec<f64> {
-        let of = noise.disturbance.stddev_b_n_m.iter().chain(&noise.disturbance.motors_n_m);
+        let body = noise.disturbance.body.iter().flat_map(|of| &of.stddev_b_n_m);
+        let of = body.chain(&noise.disturbance.motors_n_m);
         let readings = noise.gyro_rad_s.iter().chain(&noise.force_m_s2).chain(&noise.vector_rad);
         of.chain(readings).chain([&noise.wheel_speed_rad_s]).copied().collect()
     };
@@ -190,7 +195,7 @@ struct Squares {
 impl Moments {
     fn of(case: &Prepared<'_>, noise: &Noise, start: &Start, part: usize) -> Self {
         let mut filter = Filter::new(case, noise, start).about_known_biases(start);
-        let layout = filter.layout;
+        let layout = start.layout;
         let mut found = Self {
             log: filter.log_known,
             layout,
@@ -199,7 +204,7 @@ impl Moments {
             time_s: 0.0,
             readings: BTreeMap::new(),
         };
-        let mut last_ns = filter.plant.now_ns();
+        let mut last_ns = filter.mean.plant.now_ns();
         for _ in 0..part {
             let mut add = |innovation: &Innovation| {
                 found.log += innovation.log_likelihood();
@@ -213,15 +218,15 @@ impl Moments {
             if !filter.step(&mut add) {
                 break;
             }
-            let since_s = (filter.plant.now_ns() - last_ns) as f64 * 1e-9;
-            last_ns = filter.plant.now_ns();
+            let since_s = (filter.mean.plant.now_ns() - last_ns) as f64 * 1e-9;
+            last_ns = filter.mean.plant.now_ns();
             for i in layout.plant.size()..layout.moving() {
-                found.estimate[i] += filter.beside[i].powi(2) * since_s;
-                found.variance[i] += filter.covariance[(i, i)] * since_s;
+                found.estimate[i] += filter.mean.beside[i].powi(2) * since_s;
+                found.variance[i] += filter.gains.covariance.row(i)[i] * since_s;
             }
             found.time_s += since_s;
         }
-        if filter.lost {
+        if filter.is_lost() {
             found.log = f64::NEG_INFINITY;
         }
         found
@@ -242,7 +247,9 @@ impl Moments {
             let ratio = self.estimate[i] / time_s / variance / seen;
             stddev * ratio.powf(0.5 * (1.0 / seen).min(settings.level_longest_step)).clamp(0.01, 100.0)
         };
-        for (i, stddev) in body.zip(&mut next.disturbance.stddev_b_n_m) {
+        let processes =
+            next.disturbance.body.iter_mut().filter(|of| of.stddev_b_n_m.iter().any(|x| *x > 0.0));
+        for (i, stddev) in body.zip(processes.flat_map(|of| &mut of.stddev_b_n_m)) {
             *stddev = level(i, *stddev);
         }
         for (i, stddev) in motors.zip(&mut next.disturbance.motors_n_m) {

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::filter::{Filter, Innovation};
+use crate::innovations::Innovation;
 
 /// Sums over all innovations of a recording.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
@@ -24,9 +24,9 @@ impl Likelihood {
         self.chi_squared / self.numbers.max(1) as f64
     }
 
-    /// Of no readings yet.
-    pub(crate) fn begun(filter: &Filter<'_>) -> Self {
-        Self { log: filter.log_known, ..Self::default() }
+    /// Of no readings yet; `log_known`: what they do not say of it.
+    pub(crate) fn begun(log_known: f64) -> Self {
+        Self { log: log_known, ..Self::default() }
     }
 
     pub(crate) fn add(&mut self, innovation: &Innovation) {

@@ -1,7 +1,7 @@
 //! Derivatives of the plant, and where they hold.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use whorl_dynamics::plant::{LinearisedPlant, Plant};
+use whorl_dynamics::plant::Plant;
 
 /// Where derivatives were made, as far as they depend on it.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,13 +39,4 @@ impl Place {
         let rates = self.rates_rad_s.iter().zip(&other.rates_rad_s).map(|(a, b)| (a - b).norm()).sum::<f64>();
         angle + rates / fastest_1_s.max(1.0)
     }
-}
-
-/// Derivatives in the present state, those by a torque if they are needed.
-pub(crate) fn linearised(plant: &Plant, by_torque: bool) -> LinearisedPlant {
-    let mut linearised = plant.linearised();
-    if by_torque {
-        plant.linearise_torque(&mut linearised);
-    }
-    linearised
 }

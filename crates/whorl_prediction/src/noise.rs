@@ -22,29 +22,45 @@ pub struct Noise {
     pub disturbance: Disturbance,
 }
 
-/// Torques that nobody predicts: each first-order Markov, dT/dt = -T/tau + white noise.
+/// Torques that nobody predicts: each a sum of first-order Markov processes, dT/dt = -T/tau + white noise.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Disturbance {
-    /// Standard deviation about each body axis [N m]; zero: none.
-    pub stddev_b_n_m: [f64; 3],
+    /// On the body.
+    pub body: Vec<RandomTorque>,
     /// Of the torque of each wheel's motor beyond the model's, about its axis [N m]; empty: none.
     pub motors_n_m: Vec<f64>,
+    /// Correlation time tau of these \[s\], > 0.
+    pub motors_correlation_s: f64,
+}
+
+/// A random torque on the body.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct RandomTorque {
+    /// Standard deviation about each body axis [N m]; zero: none.
+    pub stddev_b_n_m: [f64; 3],
     /// Correlation time tau \[s\], > 0.
     pub correlation_s: f64,
 }
 
 impl Disturbance {
     /// None.
-    pub const NONE: Self = Self { stddev_b_n_m: [0.0; 3], motors_n_m: Vec::new(), correlation_s: 1.0 };
+    pub const NONE: Self = Self { body: Vec::new(), motors_n_m: Vec::new(), motors_correlation_s: 1.0 };
 
     /// Whether there is one.
     #[must_use]
     pub fn is_some(&self) -> bool {
-        self.is_of_body() || self.motors() > 0
+        self.processes().next().is_some() || self.motors() > 0
     }
 
-    pub(crate) fn is_of_body(&self) -> bool {
-        self.stddev_b_n_m.iter().any(|x| *x > 0.0)
+    /// Those that push the body at all.
+    pub(crate) fn processes(&self) -> impl Iterator<Item = &RandomTorque> + Clone {
+        self.body.iter().filter(|process| process.stddev_b_n_m.iter().any(|x| *x > 0.0))
+    }
+
+    /// Standard deviation of the whole torque on the body, about each of its axes [N m].
+    #[must_use]
+    pub fn body_stddev_b_n_m(&self) -> [f64; 3] {
+        [0, 1, 2].map(|axis| self.body.iter().map(|of| of.stddev_b_n_m[axis].powi(2)).sum::<f64>().sqrt())
     }
 
     /// How many motors have one.
@@ -53,9 +69,15 @@ impl Disturbance {
     }
 
     /// Coordinates of a layout that are torques of it, each with its standard deviation [N m].
-    pub(crate) fn coordinates(&self, layout: Layout) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let body = layout.disturbance().zip(self.stddev_b_n_m);
+    pub(crate) fn coordinates(&self, layout: Layout) -> impl Iterator<Item = (usize, f64)> + Clone + '_ {
+        let body = layout.disturbance().zip(self.processes().flat_map(|of| of.stddev_b_n_m));
         body.chain(layout.motors().zip(self.motors_n_m.iter().copied()))
+    }
+
+    /// The same with correlation times \[s\].
+    pub(crate) fn times(&self, layout: Layout) -> impl Iterator<Item = (usize, f64)> + Clone + '_ {
+        let body = layout.disturbance().zip(self.processes().flat_map(|of| [of.correlation_s; 3]));
+        body.chain(layout.motors().map(|i| (i, self.motors_correlation_s)))
     }
 }
 

@@ -5,9 +5,11 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use crate::columns::Columns;
-use crate::design::{Design, Kept, Order};
+use crate::design::{Design, Kept};
 use crate::error::PredictionError;
 use crate::filter::Filter;
+use crate::from_start::FromStart;
+use crate::frozen::{FrozenPass, Recorder};
 use crate::laws::Laws;
 use crate::likelihood::Likelihood;
 use crate::noise::Noise;
@@ -15,7 +17,7 @@ use crate::other::Varied;
 use crate::parameter::Parameter;
 use crate::prepared::Prepared;
 use crate::start::Start;
-use crate::sums::{Sums, Widening};
+use crate::sums::Sums;
 
 /// What a pass over a recording says.
 pub(crate) struct Pass {
@@ -77,7 +79,7 @@ impl Passes {
     }
 }
 
-/// A pass over a recording with columns; `keeps`: how each innovation changes, for passes close by.
+/// A pass over a recording with columns; `keeps`: gains, and how each innovation changes, for passes close by.
 pub(crate) fn pass(
     case: &Prepared<'_>,
     noise: &Noise,
@@ -86,67 +88,60 @@ pub(crate) fn pass(
     laws: Option<&Laws<'_>>,
     keeps: bool,
 ) -> Result<Pass, PredictionError> {
-    let columns = Columns::new(case, start.layout, varied, laws)?;
-    let parameters = columns.count();
-    let design = if keeps { Design::new(parameters, case.numbers()) } else { None };
-    let mut filter = Filter::new(case, noise, start)
-        .about_known_biases(start)
-        .looking_back()
-        .varying(columns.keeping(design));
-    let (mut likelihood, mut order) = (Likelihood::begun(&filter), Order::default());
-    while filter.step(&mut |innovation| {
-        likelihood.add(innovation);
-        if keeps {
-            order.add(innovation.component, innovation.sample);
-        }
-    }) {}
-    likelihood.lost = filter.lost;
-    let (sums, design) = match filter.columns.take() {
-        Some(columns) => columns.sums(),
-        None => (Sums::none(start.layout.size(), parameters), None),
-    };
-    let (shift, sums, widening) = from_what_was_known(&mut filter, start, sums);
-    let kept =
-        design.filter(|_| !filter.lost).map(|design| Arc::new(Kept::new(design, order, &sums, widening)));
+    let columns = Columns::new(case, start.layout, true, varied, laws)?;
+    let all = start.layout.size() + columns.count();
+    let design = if keeps { Design::new(all, case.numbers()) } else { None };
+    let mut filter = Filter::new(case, noise, start).about_known_biases(start);
+    filter.recorder = design.is_some().then(|| Recorder::new(filter.begun().0.clone()));
+    let mut filter = filter.varying(columns.keeping(design));
+    let mut likelihood = Likelihood::begun(filter.log_known);
+    while filter.step(&mut |innovation| likelihood.add(innovation)) {}
+    likelihood.lost = filter.is_lost();
+    let found = FromStart::of(&mut filter);
+    let FromStart { shift, sums, design, own } = found;
+    let (narrow, _) = filter.begun();
+    let wide = filter.gains.heading.out_of(&Start::wide(case, noise).covariance);
+    let (mut sums, widening) = sums.widened(&own, narrow, &wide);
+    sums.slope += &widening.of_slope * &shift;
+    let shift = &widening.of_shift * shift;
+    let gains = filter.recorder.take().and_then(Recorder::end);
+    let kept = design.zip(gains).filter(|_| !likelihood.lost);
+    let kept = kept.map(|(design, gains)| Arc::new(Kept { design, gains, sums: sums.clone(), widening }));
     Ok(Pass { likelihood, shift, sums, kept })
 }
 
-/// A pass over a recording without columns; with those of another pass close by it shows the slope as well.
+/// A pass over a recording without columns; with those of another pass close by, and its gains, it shows the slope as well.
 pub(crate) fn pass_near(case: &Prepared<'_>, noise: &Noise, start: &Start, kept: Option<&Arc<Kept>>) -> Pass {
-    let mut filter = Filter::new(case, noise, start).about_known_biases(start).looking_back();
-    let (mut likelihood, mut order) = (Likelihood::begun(&filter), Order::default());
-    let mut slope = kept.map_or_else(|| DVector::zeros(0), |kept| kept.no_slope());
-    while filter.step(&mut |innovation| {
-        if let Some(kept) = kept {
-            kept.design.add_slope(likelihood.numbers, innovation.normalised(), &mut slope);
-            order.add(innovation.component, innovation.sample);
-        }
-        likelihood.add(innovation);
-    }) {}
-    likelihood.lost = filter.lost;
-    let shift = filter.origin.as_ref().map(|origin| &origin.shift);
-    let with = kept.zip(shift).and_then(|(kept, shift)| {
-        let shift_of_run = &kept.widening.of_shift * shift;
-        Some((kept.sums(slope, shift, &order)?, shift_of_run, Arc::clone(kept)))
-    });
-    if let Some((sums, shift, kept)) = with {
-        return Pass { likelihood, shift, sums, kept: Some(kept) };
+    if let Some(pass) = kept.and_then(|kept| pass_with_gains(case, noise, start, kept)) {
+        return pass;
     }
-    let (shift, sums, _) = from_what_was_known(&mut filter, start, Sums::none(start.layout.size(), 0));
-    Pass { likelihood, shift, sums, kept: None }
+    // Nothing else is varied, and a model that can be predicted is one.
+    pass(case, noise, start, &[], None, false).unwrap_or_else(|_| Pass::lost(start))
 }
 
-/// How the start moves that a run shows, and what it says of parameters, as if the filter had begun with what was known before the run.
-fn from_what_was_known(filter: &mut Filter<'_>, start: &Start, sums: Sums) -> (DVector<f64>, Sums, Widening) {
-    let heading = filter.heading;
-    let wide = Start::wide(filter.case, filter.noise).covariance;
-    let [narrow, wide] = [&start.covariance, &wide].map(|known| heading.out_of(known));
-    let size = start.layout.size();
-    let (own, shift) = match filter.origin.take() {
-        Some(origin) => origin.end(),
-        None => (narrow.clone(), DVector::zeros(size)),
-    };
-    let (mut sums, widening) = sums.widened(&own, &narrow, &wide);
-    sums.slope += &widening.of_slope * &shift;
-    (&widening.of_shift * shift, sums, widening)
+/// A pass with the gains of another one; `None` where other readings are due than there.
+fn pass_with_gains(case: &Prepared<'_>, noise: &Noise, start: &Start, kept: &Arc<Kept>) -> Option<Pass> {
+    let mut filter = FrozenPass::new(case, noise, start, &kept.gains);
+    let mut likelihood = Likelihood::begun(filter.log_known);
+    let mut slope = kept.no_slope();
+    while filter.step(&mut |innovation| {
+        kept.design.add_slope(likelihood.numbers, innovation.normalised(), &mut slope);
+        likelihood.add(innovation);
+    }) {}
+    if filter.is_other {
+        return None;
+    }
+    likelihood.lost = filter.mean.lost;
+    let shift = &filter.begun + kept.gains.known() * slope.rows(0, start.layout.size());
+    let sums = kept.sums(&slope, &shift);
+    Some(Pass { likelihood, shift: &kept.widening.of_shift * shift, sums, kept: Some(Arc::clone(kept)) })
+}
+
+impl Pass {
+    /// Of a motion that cannot be followed.
+    fn lost(start: &Start) -> Self {
+        let likelihood = Likelihood { log: f64::NEG_INFINITY, lost: true, ..Likelihood::default() };
+        let size = start.layout.size();
+        Self { likelihood, shift: DVector::zeros(size), sums: Sums::none(size, 0), kept: None }
+    }
 }

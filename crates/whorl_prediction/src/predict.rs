@@ -1,11 +1,14 @@
 //! A recording predicted from beginning to end.
 
 use crate::ahead::{Ahead, AheadError};
-use crate::filter::{Filter, Innovation};
+use crate::filter::Filter;
 use crate::fitted::FittedStart;
+use crate::innovations::Innovation;
+use crate::lanes::dot;
 use crate::likelihood::Likelihood;
 use crate::noise::Noise;
 use crate::prepared::Prepared;
+use crate::rows::Readings;
 use crate::start::Start;
 
 /// What is told while a recording is predicted, in the order of the instants.
@@ -34,21 +37,24 @@ pub fn predict(
     let last = horizons_s.len().saturating_sub(1);
     let mut aheads: Vec<Ahead> =
         horizons_s.iter().enumerate().map(|(k, h)| Ahead::new(*h, k == last)).collect();
-    while let Some(instant_ns) = filter.go() {
-        let due = filter.due(instant_ns);
+    let mut readings = Readings::default();
+    while filter.go() {
         for (position, ahead) in aheads.iter_mut().enumerate() {
-            ahead.follow(case, &filter, &due, &mut |error| told(Told::Ahead(position, error)));
+            ahead.follow(case, &filter, &mut readings, &mut |error| told(Told::Ahead(position, error)));
         }
-        let rows = filter.rows(&due);
-        filter.take_in(&rows, None, &mut |innovation| {
+        filter.read();
+        filter.take_in(&mut |innovation| {
             sums.add(innovation);
             told(Told::Innovation(innovation));
         });
+        if filter.is_lost() {
+            break;
+        }
         for ahead in &mut aheads {
             ahead.begin(&filter);
         }
     }
-    sums.lost = filter.lost;
+    sums.lost = filter.is_lost();
     sums
 }
 
@@ -62,12 +68,15 @@ pub fn simulate(
 ) -> bool {
     let start = Start { covariance: fitted.covariance.clone(), ..fitted.start.clone() };
     let mut filter = Filter::new(case, noise, &start);
-    while let Some(instant_ns) = filter.go() {
-        let due = filter.due(instant_ns);
-        for row in filter.rows(&due) {
-            let variance = row.by_state.dot(&(&filter.covariance * &row.by_state)) + row.variance;
-            told(&AheadError::of(&row, instant_ns, variance, false));
+    while filter.go() {
+        filter.read();
+        let (readings, covariance) = (&filter.readings, &filter.gains.covariance);
+        for (r, row) in readings.rows.iter().enumerate() {
+            let by_state = readings.by_state.row(r);
+            let of_state: f64 = by_state.iter().map(|(i, by)| by * dot(by_state, covariance.row(*i))).sum();
+            let variance = of_state + readings.variances[r];
+            told(&AheadError::of(row, filter.mean.plant.now_ns(), variance, false));
         }
     }
-    !filter.lost
+    !filter.is_lost()
 }

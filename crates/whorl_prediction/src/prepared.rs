@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use nalgebra::{Unit, Vector3};
-use whorl_dynamics::plant::{MeanInputs, Tangent};
+use whorl_dynamics::plant::{LinearisedPlant, MeanInputs, Tangent};
 use whorl_dynamics::platform::SensorSuite;
 use whorl_dynamics::{Gyrostat, InitialState, Plant, PlatformModel};
 use whorl_recording::{Component, Mounting, Recording};
@@ -13,11 +13,12 @@ use whorl_trajectory::wheel_torque::{along_speeds, go_along_speeds};
 use whorl_trajectory::{counts, quiet};
 
 use crate::error::PredictionError;
+use crate::layout::Layout;
 use crate::readings::{Track, tracks};
 use crate::settings::Settings;
 use crate::transition::fastest_rate_1_s;
 
-/// Largest integration step of a rig that something may touch \[s\]: a twentieth of a radian of the bearing's own stop. Valve edges
+/// Largest integration step while something touches, or nearly does \[s\]: a twentieth of a radian of the bearing's own stop. Valve edges
 /// and commands are integration points anyway.
 const STEP_AT_CONTACTS_S: f64 = 2.5e-3;
 /// Of any: this share of the time of its fastest motion. A Runge-Kutta step over a twentieth of a radian errs by 3e-9 of the
@@ -77,12 +78,14 @@ impl<'a> Prepared<'a> {
         gyrostat.effects().hidden_noise(&mut hidden_noise);
         let plant = plant_before(recording, &model, &commands, first_ns, clamped)?;
         // As it moves when it moves as fast as it ever was read to.
-        let moving = fastest_rate_1_s(&moving_fastest(&plant, recording).linearised().rate_by_state);
+        let moving = moving_fastest(&plant, recording);
+        let mut linearised = LinearisedPlant::none(&moving);
+        moving.linearise_into(&mut linearised, false);
+        let moving = fastest_rate_1_s(&linearised.rate_by_state);
         let fastest_1_s = moving.max(swings_1_s(&model));
-        let step_ns = step_ns(&plant, fastest_1_s);
-        let (plant, event) = at_first_reading(&commands, plant.with_step_ns(step_ns), first_ns);
-        // Both err alike at a contact.
         let difference_step_ns = longest_step_ns(LONGEST_STEP_S, fastest_1_s);
+        let plant = plant.with_step_ns(difference_step_ns).with_contact_step_ns(ns(STEP_AT_CONTACTS_S));
+        let (plant, event) = at_first_reading(&commands, plant, first_ns);
         let corrected = gyrostat.model().clone();
         let driven_momentum_roots =
             driven.as_ref().map_or_else(Vec::new, |speeds| momentum_roots(speeds, &corrected));
@@ -173,6 +176,23 @@ impl<'a> Prepared<'a> {
     /// Whether wheels bring the noise of their tachometers.
     pub(crate) fn drives_with_noise(&self) -> bool {
         !self.driven_momentum_roots.is_empty()
+    }
+
+    /// Variance that a coordinate of a layout gains by its own random walk in this time \[s\].
+    pub(crate) fn walk_variance(&self, layout: Layout, i: usize, after_s: f64) -> f64 {
+        let sensors = &self.model.sensors;
+        let of = |walk: Option<f64>| walk.unwrap_or(0.0).powi(2) * after_s;
+        let within = |all: std::ops::Range<usize>| all.contains(&i).then(|| i - all.start);
+        if let Some(k) = within(layout.plant.hidden()) {
+            return of(self.hidden_noise.get(k).copied());
+        }
+        if let Some(k) = within(layout.gyro_bias()) {
+            return of(sensors.gyro.errors.bias_walk.get(k).copied());
+        }
+        if let Some(k) = within(layout.force_bias()) {
+            return of(sensors.accelerometer.errors.bias_walk.get(k).copied());
+        }
+        0.0
     }
 
     /// Coordinates of the plant's state.
@@ -361,13 +381,7 @@ fn moving_fastest(plant: &Plant, recording: &Recording) -> Plant {
     moving
 }
 
-/// Largest integration step \[ns\] for a motion as fast as this [1/s]. Contacts may be fast whatever the motion is.
-fn step_ns(plant: &Plant, fastest_1_s: f64) -> i64 {
-    let touches = plant.gyrostat().model().tilt_limit.stops() || plant.gyrostat().effects().has_contact();
-    let longest_s = if touches { STEP_AT_CONTACTS_S } else { LONGEST_STEP_S };
-    longest_step_ns(longest_s, fastest_1_s)
-}
-
+/// Largest integration step \[ns\] for a motion as fast as this [1/s].
 fn longest_step_ns(longest_s: f64, fastest_1_s: f64) -> i64 {
     ns(longest_s.min(SHARE_OF_MOTION / fastest_1_s)).max(SHORTEST_STEP_NS)
 }

@@ -1,17 +1,19 @@
 //! Readings against what is predicted of them in a state.
 
-use nalgebra::{DMatrix, DVector, Unit, Vector3};
+use nalgebra::{Unit, Vector3};
 use whorl_dynamics::Plant;
 use whorl_dynamics::plant::{LinearisedPlant, ROTATION};
 use whorl_math::{quaternion_exp, unit_or};
 use whorl_recording::{Channel, Component};
 
+use crate::lanes::Sparse;
 use crate::layout::Layout;
 use crate::noise::Noise;
 use crate::prepared::Prepared;
 use crate::readings::Track;
 
 /// What a reading shows of the state about a prediction.
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct Row {
     pub component: Component,
     pub track: usize,
@@ -20,39 +22,29 @@ pub(crate) struct Row {
     pub reading: f64,
     /// Reading less prediction.
     pub value: f64,
-    /// Variance of the reading itself.
-    pub variance: f64,
-    /// Derivative of the reading by the state's coordinates.
-    pub by_state: DVector<f64>,
 }
 
-/// How the readings of an instant were taken in, one number after the other.
-pub(crate) struct Taken {
-    /// By how much each changes the state, a column each.
-    pub gains: DMatrix<f64>,
-    /// The same of the estimate of the start, if that is asked for.
-    pub of_start: Option<DMatrix<f64>>,
-    /// Innovations and their variances.
-    pub values: Vec<f64>,
+/// Readings of one instant.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Readings {
+    pub rows: Vec<Row>,
+    /// Derivatives of the readings by the state's coordinates, a row each; none: nobody asked.
+    pub by_state: Sparse,
+    /// Variances of the readings themselves.
     pub variances: Vec<f64>,
 }
 
-impl Taken {
-    /// Of a state of this size, and a start of that one.
-    pub fn new(size: usize, readings: usize, start: Option<usize>) -> Self {
-        Self {
-            gains: DMatrix::zeros(size, readings),
-            of_start: start.map(|start| DMatrix::zeros(start, readings)),
-            values: Vec::with_capacity(readings),
-            variances: Vec::with_capacity(readings),
-        }
+impl Readings {
+    fn clear(&mut self) {
+        self.rows.clear();
+        self.by_state.clear();
+        self.variances.clear();
     }
 
-    /// The next.
-    pub fn add(&mut self, value: f64, variance: f64, gain: &DVector<f64>) {
-        self.gains.set_column(self.values.len(), gain);
-        self.values.push(value);
+    fn push(&mut self, row: Row, variance: f64) {
+        self.rows.push(row);
         self.variances.push(variance);
+        self.by_state.end_row();
     }
 }
 
@@ -62,14 +54,14 @@ pub(crate) struct Seen<'a> {
     pub noise: &'a Noise,
     pub layout: Layout,
     pub plant: &'a Plant,
-    pub beside: &'a DVector<f64>,
+    pub beside: &'a [f64],
     pub linearised: Option<&'a LinearisedPlant>,
 }
 
 impl Seen<'_> {
-    /// Of these tracks and samples, read now.
-    pub fn rows(&self, due: &[(usize, usize)]) -> Vec<Row> {
-        let mut rows = Vec::with_capacity(16);
+    /// Reads these tracks and samples now.
+    pub fn read(&self, due: &[(usize, usize)], to: &mut Readings) {
+        to.clear();
         let inertial = |track: &Track<'_>| matches!(track.channel, Channel::Gyro | Channel::Accelerometer);
         let tracks = self.case.tracks();
         let any = due.iter().filter_map(|(position, _)| tracks.get(*position)).any(inertial);
@@ -77,12 +69,11 @@ impl Seen<'_> {
         for (position, sample) in due {
             let Some(track) = tracks.get(*position) else { continue };
             if track.channel == Channel::Vector {
-                self.direction(track, *position, *sample, &mut rows);
+                self.direction(track, *position, *sample, to);
             } else {
-                self.numbers(track, *position, *sample, &imu, &mut rows);
+                self.numbers(track, *position, *sample, &imu, to);
             }
         }
-        rows
     }
 
     fn numbers(
@@ -91,7 +82,7 @@ impl Seen<'_> {
         position: usize,
         sample: usize,
         imu: &(Vector3<f64>, Vector3<f64>),
-        rows: &mut Vec<Row>,
+        to: &mut Readings,
     ) {
         let (layout, n) = (self.layout, self.layout.plant.size());
         for component in &track.components {
@@ -103,40 +94,39 @@ impl Seen<'_> {
                 _ => (self.plant.state().wheel_speed_rad_s().get(index), 0..0),
             };
             let mut predicted = predicted.copied().unwrap_or(f64::NAN);
-            let mut by_state = self.no_derivative();
             if let Some(linearised) = self.linearised {
+                let mut set_row = |row: usize| {
+                    (0..n).for_each(|i| to.by_state.set(i, linearised.imu_by_state[(row, i)]));
+                };
                 match track.channel {
-                    Channel::Gyro => {
-                        by_state.rows_mut(0, n).copy_from(&linearised.imu_by_state.row(index).transpose());
-                    }
+                    Channel::Gyro => set_row(index),
                     Channel::Accelerometer => {
-                        by_state
-                            .rows_mut(0, n)
-                            .copy_from(&linearised.imu_by_state.row(3 + index).transpose());
+                        set_row(3 + index);
                         let by_torque = linearised.force_by_torque.row(index);
-                        for (axis, i) in layout.disturbance().enumerate() {
-                            by_state[i] = by_torque[axis];
+                        for (k, i) in layout.disturbance().enumerate() {
+                            to.by_state.set(i, by_torque[k % 3]);
                         }
                         for (i, wheel) in layout.motors().zip(self.case.model().wheels()) {
-                            by_state[i] = -by_torque.transpose().dot(&wheel.spin_axis_b);
+                            to.by_state.set(i, -by_torque.transpose().dot(&wheel.spin_axis_b));
                         }
                     }
-                    _ => by_state[layout.plant.wheels().start + index] = 1.0,
+                    _ => to.by_state.set(layout.plant.wheels().start + index, 1.0),
                 }
                 if !bias.is_empty() {
-                    by_state[bias.start + index] = 1.0;
+                    to.by_state.set(bias.start + index, 1.0);
                 }
             }
             if !bias.is_empty() {
                 predicted += self.beside[bias.start + index];
             }
-            let value = reading - predicted;
-            rows.push(self.row(*component, position, sample, reading, value, by_state));
+            let row =
+                Row { component: *component, track: position, sample, reading, value: reading - predicted };
+            to.push(row, self.noise.of(*component).powi(2));
         }
     }
 
     /// The angle from the predicted direction to the one that was read, about two axes across it.
-    fn direction(&self, track: &Track<'_>, position: usize, sample: usize, rows: &mut Vec<Row>) {
+    fn direction(&self, track: &Track<'_>, position: usize, sample: usize, to: &mut Readings) {
         let Some((reading, reference)) = track.vector(sample).zip(self.case.reference(track.sensor)) else {
             return;
         };
@@ -153,28 +143,13 @@ impl Seen<'_> {
         let second = predicted.cross(&first);
         for (component, axis) in track.components.iter().zip([first, second]) {
             // A body turned by a sees the direction turned by -a.
-            let mut by_state = self.no_derivative();
             if self.linearised.is_some() {
-                by_state.rows_mut(ROTATION.start, 3).copy_from(&-(to_sensor.inverse() * axis));
+                let by_turn = to_sensor.inverse() * axis;
+                (0..3).for_each(|i| to.by_state.set(ROTATION.start + i, -by_turn[i]));
             }
-            rows.push(self.row(*component, position, sample, f64::NAN, off.dot(&axis), by_state));
+            let (component, value) = (*component, off.dot(&axis));
+            let row = Row { component, track: position, sample, reading: f64::NAN, value };
+            to.push(row, self.noise.of(component).powi(2));
         }
-    }
-
-    fn no_derivative(&self) -> DVector<f64> {
-        DVector::zeros(if self.linearised.is_some() { self.layout.size() } else { 0 })
-    }
-
-    fn row(
-        &self,
-        component: Component,
-        track: usize,
-        sample: usize,
-        reading: f64,
-        value: f64,
-        by_state: DVector<f64>,
-    ) -> Row {
-        let variance = self.noise.of(component).powi(2);
-        Row { component, track, sample, reading, value, variance, by_state }
     }
 }

@@ -4,7 +4,8 @@ use nalgebra::DVector;
 
 use crate::columns::Columns;
 use crate::error::PredictionError;
-use crate::filter::{Filter, Innovation};
+use crate::filter::Filter;
+use crate::innovations::Innovation;
 use crate::noise::Noise;
 use crate::other::Varied;
 use crate::prepared::Prepared;
@@ -21,12 +22,14 @@ pub fn sensitivities(
     varied: &[Varied],
     told: &mut dyn FnMut(&Innovation, &DVector<f64>),
 ) -> Result<(), PredictionError> {
-    let columns = Columns::new(case, start.layout, varied, None)?;
+    let columns = Columns::new(case, start.layout, false, varied, None)?;
     let mut filter = Filter::new(case, noise, start).varying(columns);
     let mut innovations = Vec::new();
     while filter.step(&mut |innovation| innovations.push(*innovation)) {
-        let latest = filter.columns.iter().flat_map(|columns| columns.latest().column_iter());
-        innovations.drain(..).zip(latest).for_each(|(innovation, d)| told(&innovation, &d.into_owned()));
+        let Some(columns) = &filter.columns else { break };
+        for (reading, innovation) in innovations.drain(..).enumerate() {
+            told(&innovation, &columns.latest(reading));
+        }
     }
     Ok(())
 }

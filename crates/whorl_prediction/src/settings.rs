@@ -93,9 +93,6 @@ settings! {
     threads: usize = 2;
     /// Share of a parameter's unit over which differences are taken: the motion is linear over it to about as much.
     fit_difference: f64 = 1e-3;
-    /// The same as `derivatives_held` of a fit: where derivatives are made anew depends on the parameters, and the likelihood jumps there
-    /// by as much as gains change; five times closer, jumps are smaller than what counts as evidence.
-    fit_derivatives_held: f64 = 0.01;
     /// Parameters stand when a step would make the recordings likelier by no more than this (natural logarithm): they are then closer to
     /// the likeliest than a tenth of their deviations.
     fit_stands_nats: f64 = 0.01;

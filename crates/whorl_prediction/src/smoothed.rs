@@ -5,6 +5,7 @@ use whorl_dynamics::plant::{RATE, ROTATION};
 use whorl_math::quaternion_exp;
 use whorl_trajectory::commands::ns;
 
+use crate::columns::Columns;
 use crate::filter::Filter;
 use crate::layout::Layout;
 use crate::noise::Noise;
@@ -75,25 +76,25 @@ pub fn smoothed(
     let mut nodes: Vec<Node> = Vec::new();
     let mut due_ns = i64::MIN;
     while filter.step(&mut |_| {}) {
-        let now_ns = filter.plant.now_ns();
+        let now_ns = filter.mean.plant.now_ns();
         if now_ns < due_ns {
             continue;
         }
         due_ns = now_ns.saturating_add(every_ns);
-        let before = filter.since.replace(Since::now(size));
-        if let Some((node, since)) = nodes.last_mut().zip(before) {
-            node.since = since;
+        let before = filter.columns.replace(Columns::since_now(start.layout));
+        if let Some((node, columns)) = nodes.last_mut().zip(before) {
+            node.since = columns.since();
         }
         nodes.push(Node::of(&filter, size));
     }
-    if filter.lost {
+    if filter.is_lost() {
         return None;
     }
-    if let Some((node, since)) = nodes.last_mut().zip(filter.since.take()) {
-        node.since = since;
+    if let Some((node, columns)) = nodes.last_mut().zip(filter.columns.take()) {
+        node.since = columns.since();
     }
     let free = case.model().freedom.projection();
-    let (mut states, mut later) = (Vec::with_capacity(nodes.len()), Since::now(size));
+    let (mut states, mut later) = (Vec::with_capacity(nodes.len()), Since::none(size));
     while let Some(node) = nodes.pop() {
         let (state, all) = node.smoothed(start.layout, later, &free);
         states.push(state);
@@ -111,15 +112,15 @@ fn longest_apart_s(case: &Prepared<'_>, size: usize) -> f64 {
 
 impl Node {
     fn of(filter: &Filter<'_>, size: usize) -> Self {
-        let state = filter.plant.state();
+        let state = filter.mean.plant.state();
         Self {
-            time_s: filter.plant.now_ns() as f64 * 1e-9,
+            time_s: filter.mean.plant.now_ns() as f64 * 1e-9,
             q_world_body: state.q_world_body,
             omega_wb_b_rad_s: state.omega_wb_b_rad_s,
             wheel_speed_rad_s: state.wheel_speed_rad_s().to_vec(),
-            beside: filter.beside.clone(),
-            covariance: filter.covariance.clone(),
-            since: Since::now(size),
+            beside: filter.mean.beside.clone(),
+            covariance: filter.gains.covariance.matrix(size, size),
+            since: Since::none(size),
         }
     }
 
@@ -136,8 +137,12 @@ impl Node {
         let (torque_b_n_m, torque_covariance_b) = if torque.is_empty() {
             (Vector3::zeros(), Matrix3::zeros())
         } else {
-            let mean = Vector3::from_fn(|i, _| self.beside[torque.start + i] + change[torque.start + i]);
-            let of: Matrix3<f64> = covariance.fixed_view::<3, 3>(torque.start, torque.start).into();
+            let processes = || torque.clone().step_by(3);
+            let mean = |from: usize| Vector3::from_fn(|i, _| self.beside[from + i] + change[from + i]);
+            let of = |(from, to)| -> Matrix3<f64> { covariance.fixed_view::<3, 3>(from, to).into() };
+            let pairs = processes().flat_map(|from| processes().map(move |to| (from, to)));
+            let mean: Vector3<f64> = processes().map(mean).sum();
+            let of: Matrix3<f64> = pairs.map(of).sum();
             (free * mean, free * of * free.transpose())
         };
         let state = SmoothedState {

@@ -7,11 +7,13 @@ use nalgebra::{DMatrix, Matrix3, UnitQuaternion, Vector3};
 use serde_json::Value;
 use whorl_dynamics::platform::{TiltLimit, Wheel};
 use whorl_dynamics::{Freedom, MassProperties, PlatformModel};
-use whorl_prediction::{Disturbance, Noise, Prepared, Settings, Start, predict, smoothed};
+use whorl_prediction::{Disturbance, Noise, Prepared, RandomTorque, Settings, Start, predict, smoothed};
 use whorl_recording::{Recording, VectorChannel};
 
-const DISTURBANCE: Disturbance =
-    Disturbance { stddev_b_n_m: [0.0, 0.0, 0.02], motors_n_m: Vec::new(), correlation_s: 0.7 };
+fn disturbance() -> Disturbance {
+    let body = vec![RandomTorque { stddev_b_n_m: [0.0, 0.0, 0.02], correlation_s: 0.7 }];
+    Disturbance { body, ..Disturbance::NONE }
+}
 
 fn turntable() -> PlatformModel {
     let mut model = PlatformModel::whorl_1_reference();
@@ -92,7 +94,7 @@ fn the_likelihood_is_that_of_a_dense_normal() {
     let reference: Value = serde_json::from_str(include_str!("dense/turntable.json")).unwrap();
     let (model, recording) = (turntable(), recording(&reference));
     let case = Prepared::new(&recording, &model, Settings::default()).unwrap();
-    let noise = Noise { disturbance: DISTURBANCE, ..Noise::stated(&case).unwrap() };
+    let noise = Noise { disturbance: disturbance(), ..Noise::stated(&case).unwrap() };
     let start = start(&case, &noise);
     let found = predict(&case, &noise, &start, &[], &mut |_| {});
     let expected = reference["log_likelihood"].as_f64().unwrap();
@@ -113,7 +115,7 @@ fn smoothed_states_are_those_of_the_dense_normal_given_all_readings() {
     let reference: Value = serde_json::from_str(include_str!("dense/turntable.json")).unwrap();
     let (model, recording) = (turntable(), recording(&reference));
     let case = Prepared::new(&recording, &model, Settings::default()).unwrap();
-    let noise = Noise { disturbance: DISTURBANCE, ..Noise::stated(&case).unwrap() };
+    let noise = Noise { disturbance: disturbance(), ..Noise::stated(&case).unwrap() };
     let found = smoothed(&case, &noise, &start(&case, &noise), 0.0).unwrap();
     let expected = reference["smoothed"].as_array().unwrap();
     let mut worst = 0f64;

@@ -102,7 +102,7 @@ pub fn explain_where(runs: &[&Followed<'_>], model: &PlatformModel) -> Result<Lo
         let states = &torques.states;
         let of: Vec<_> = states.iter().map(|state| state.torque_b_n_m).collect();
         let attitudes: Vec<_> = states.iter().map(|state| state.q_world_body).collect();
-        let pushes = torques.levels.stddev_b_n_m.iter().any(|level| *level > 0.0);
+        let pushes = torques.levels.body_stddev_b_n_m().iter().any(|level| *level > 0.0);
         let residual = || Residual::of_body(times(torques), &of, &noise, &attitudes);
         let on_shaft = model.freedom.axes() == 1;
         pushes.then(|| if on_shaft { residual().on_shaft() } else { residual() })

@@ -64,7 +64,7 @@ impl UnexplainedTorques {
     #[must_use]
     pub fn noise_of_body(&self, model: &PlatformModel) -> Vec<Matrix3<f64>> {
         let free = model.freedom.projection();
-        let level = Vector3::from(self.levels.stddev_b_n_m);
+        let level = Vector3::from(self.levels.body_stddev_b_n_m());
         let before = free * Matrix3::from_diagonal(&level.component_mul(&level)) * free.transpose();
         let scale = before.amax();
         let inverse = (before / scale).pseudo_inverse(NOTHING).unwrap_or_else(|_| Matrix3::zeros()) / scale;

@@ -162,7 +162,7 @@ impl JudgedFit {
     /// Standard deviation of the slow random torque beside it, root mean square of all axes and runs [N m].
     pub fn torque_n_m(&self) -> f64 {
         let runs = &self.fitted.followed;
-        let squares = runs.iter().flat_map(|run| run.noise.disturbance.stddev_b_n_m).map(|x| x * x);
+        let squares = runs.iter().flat_map(|run| run.noise.disturbance.body_stddev_b_n_m()).map(|x| x * x);
         (squares.sum::<f64>() / (3 * runs.len()).max(1) as f64).sqrt()
     }
 }

@@ -184,7 +184,13 @@ impl EffectSet {
     /// Whether any effect is a contact.
     #[must_use]
     pub fn has_contact(&self) -> bool {
-        self.acting().any(|a| a.effect.contact_tilt_rad(&a.values).is_some())
+        self.contact_tilt_rad().is_some()
+    }
+
+    /// Least tilt at which one touches \[rad\]; `None`: none is a contact.
+    #[must_use]
+    pub fn contact_tilt_rad(&self) -> Option<f64> {
+        self.acting().filter_map(|a| a.effect.contact_tilt_rad(&a.values)).min_by(f64::total_cmp)
     }
 
     /// Whether any contact touches.

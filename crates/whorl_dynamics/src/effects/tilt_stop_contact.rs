@@ -49,9 +49,7 @@ const OWN_STOP_RAD: f64 = 0.005;
 
 /// Tilt at the platform's own stop.
 fn limit_rad(model: &PlatformModel) -> f64 {
-    match model.tilt_limit {
-        TiltLimit::Cone { max_rad } | TiltLimit::Pitch { max_rad } => max_rad,
-    }
+    model.tilt_limit.max_rad()
 }
 
 impl Effect for TiltStopContact {
@@ -65,10 +63,7 @@ impl Effect for TiltStopContact {
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
         let contact = Contact::of(values);
-        let stop = match environment.model.tilt_limit {
-            TiltLimit::Cone { .. } => TiltLimit::Cone { max_rad: contact.angle_rad },
-            TiltLimit::Pitch { .. } => TiltLimit::Pitch { max_rad: contact.angle_rad },
-        };
+        let stop = environment.model.tilt_limit.with_max_rad(contact.angle_rad);
         contact_torque_b_n_m(
             &stop,
             contact.k_n_m_rad,

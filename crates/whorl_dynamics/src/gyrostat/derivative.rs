@@ -23,6 +23,9 @@ pub(crate) struct Derivative {
     pub hidden: [f64; MAX_HIDDEN_STATES],
 }
 
+/// Torques that fade at different rates at most.
+pub const MAX_DISTURBANCES: usize = 3;
+
 /// A torque on the body that fades.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Fading {
@@ -52,8 +55,8 @@ pub(crate) struct Drive {
     pub equation: RateEquation,
     /// Torque on the body from outside the platform, body axes [N m].
     pub body_torque_b_n_m: Vector3<f64>,
-    /// A torque besides it that nobody commands: an estimate's.
-    pub disturbance: Fading,
+    /// Torques besides it that nobody commands: an estimate's.
+    pub disturbances: [Fading; MAX_DISTURBANCES],
     /// The body is held still (wheel bench test).
     pub clamped: bool,
     /// Branch of the bearing's own stop.
@@ -68,7 +71,7 @@ impl Drive {
             actuators: gyrostat.model().actuators.idle(gyrostat.thrust_lag(), now_ns),
             equation: *gyrostat.rate_equation(),
             body_torque_b_n_m: Vector3::zeros(),
-            disturbance: Fading::default(),
+            disturbances: [Fading::default(); MAX_DISTURBANCES],
             clamped: false,
             stop: Touching::AsItIs,
             contact: Touching::AsItIs,
@@ -216,7 +219,7 @@ impl Gyrostat {
         actuators.act(at, &state.actuators, &drive.actuators, &omega, &mut body, forces);
         let mut torque = body.torque_b_n_m
             + drive.body_torque_b_n_m
-            + drive.disturbance.at_b_n_m(at.time_s)
+            + drive.disturbances.iter().map(|of| of.at_b_n_m(at.time_s)).sum::<Vector3<f64>>()
             + drive.equation.gravity_torque_n_m(&body.gravity_offset_b_n_m, &vertical_b);
         if let Some(of_stop) = self.stop_torque_b_n_m(&vertical_b, &omega, drive.stop) {
             torque += of_stop;

@@ -37,6 +37,7 @@ pub mod equation;
 mod state;
 
 pub use crate::actuators::{jets::MAX_JETS, wheels::MAX_WHEELS};
+pub use derivative::MAX_DISTURBANCES;
 pub(crate) use derivative::{Derivative, Drive, Fading};
 pub use equation::{LinearisedRate, RateEquation};
 pub use state::State;

@@ -8,6 +8,8 @@ use thiserror::Error;
 use super::{Plant, PlantError};
 use crate::actuators::Kind;
 use crate::gyrostat::Fading;
+#[allow(unused_imports, reason = "named in documentation")]
+use crate::gyrostat::MAX_DISTURBANCES;
 
 /// Why a command was refused. The plant is then unchanged.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -84,12 +86,20 @@ impl Plant {
         }
     }
 
-    /// Sets a torque on the body that nobody commands, beside [`Self::set_body_torque`], body axes [N m]: a filter's
-    /// estimate of it, which fades at this rate from now on [1/s]. Ignored if it is not finite.
-    pub fn set_disturbance(&mut self, torque_b_n_m: Vector3<f64>, rate_1_s: f64) {
-        if torque_b_n_m.iter().chain([&rate_1_s]).copied().all(f64::is_finite) {
-            self.drive.disturbance = Fading { torque_b_n_m, since_s: self.time_s(), rate_1_s };
+    /// Sets one of up to [`MAX_DISTURBANCES`] torques on the body that nobody commands, beside [`Self::set_body_torque`], body axes
+    /// [N m]: a filter's estimate of it, which fades at this rate from now on [1/s]. Ignored if it is not finite, or one too many.
+    pub fn set_disturbance(&mut self, which: usize, torque_b_n_m: Vector3<f64>, rate_1_s: f64) {
+        let since_s = self.time_s();
+        if let Some(slot) = self.drive.disturbances.get_mut(which)
+            && torque_b_n_m.iter().chain([&rate_1_s]).copied().all(f64::is_finite)
+        {
+            *slot = Fading { torque_b_n_m, since_s, rate_1_s };
         }
+    }
+
+    /// No such torque.
+    pub fn clear_disturbances(&mut self) {
+        self.drive.disturbances = Default::default();
     }
 
     /// Puts body and wheels into another motion now, as where a prediction starts from a new estimate.

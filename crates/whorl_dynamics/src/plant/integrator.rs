@@ -1,9 +1,11 @@
 //! From one event to the next.
 
+use whorl_math::vertical_b;
+
 use super::{Plant, PlantError};
 use crate::State;
 use crate::actuators::{Forces, Part};
-use crate::effects::Touching;
+use crate::effects::{Touching, is_clear};
 use crate::gyrostat::Derivative;
 use crate::sensing::Snapshot;
 
@@ -62,7 +64,8 @@ impl Plant {
             // Steps keep their grid whatever events cut them, so that results depend little on when
             // the caller looks.
             let elapsed_ns = self.now_ns - self.start_ns;
-            let grid_ns = self.now_ns - elapsed_ns % self.step_ns + self.step_ns;
+            let step_ns = if self.may_touch() { self.contact_step_ns } else { self.step_ns };
+            let grid_ns = self.now_ns - elapsed_ns % step_ns + step_ns;
             let end_ns = time_ns.min(grid_ns).min(event_ns);
             self.integrate_segment((end_ns - self.now_ns) as f64 * 1e-9, &mut work);
             self.now_ns = end_ns;
@@ -123,6 +126,22 @@ impl Plant {
         self.runge_kutta(done_s, length_s - done_s, work);
         self.move_on(done_s, length_s - done_s, work);
         self.add_hidden_noise(length_s);
+    }
+
+    /// Whether something touches, or could within a step: while the tilt is closer to a limit than the motion goes in two.
+    fn may_touch(&self) -> bool {
+        if self.contact_step_ns == self.step_ns {
+            return false;
+        }
+        let margin_rad = 2e-9 * self.state.omega_wb_b_rad_s.norm() * self.step_ns as f64;
+        let vertical_b = vertical_b(&self.state.q_world_body);
+        let own = self.gyrostat.model().tilt_limit;
+        let is_near = |max_rad: f64| {
+            let stop = own.with_max_rad((max_rad - margin_rad).max(0.0));
+            !is_clear(&stop, &vertical_b, Touching::AsItIs)
+        };
+        own.stops() && is_near(own.max_rad())
+            || self.gyrostat.effects().contact_tilt_rad().is_some_and(is_near)
     }
 
     fn touches_after(&self, state: &State, offset_s: f64) -> [bool; 2] {

@@ -150,6 +150,8 @@ impl Truth {
 pub struct Plant {
     pub(crate) gyrostat: Gyrostat,
     step_ns: i64,
+    /// The same while something touches, or nearly does.
+    contact_step_ns: i64,
     start_ns: i64,
     pub(crate) now_ns: i64,
     pub(crate) state: State,
@@ -212,6 +214,7 @@ impl Plant {
         }
         let mut plant = Self {
             step_ns: DEFAULT_STEP_NS,
+            contact_step_ns: DEFAULT_STEP_NS,
             start_ns: now_ns,
             now_ns,
             drive: Drive::idle(&gyrostat, now_ns),
@@ -251,6 +254,15 @@ impl Plant {
     #[must_use]
     pub fn with_step_ns(mut self, step_ns: i64) -> Self {
         self.step_ns = step_ns.max(1_000);
+        self.contact_step_ns = self.step_ns;
+        self
+    }
+
+    /// The same with shorter steps at most \[ns\], at least 1 us, while something touches or could within a step: contacts are as stiff as
+    /// they are whatever the rest of the motion is.
+    #[must_use]
+    pub fn with_contact_step_ns(mut self, step_ns: i64) -> Self {
+        self.contact_step_ns = step_ns.max(1_000).min(self.step_ns);
         self
     }
 

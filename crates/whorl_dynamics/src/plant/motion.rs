@@ -34,15 +34,28 @@ impl Plant {
         self.state.omega_wb_b_rad_s = other.state.omega_wb_b_rad_s;
         self.state.set_wheel_speed_rad_s(other.state.wheel_speed_rad_s());
         self.state.hidden = other.state.hidden;
-        self.drive.disturbance = other.drive.disturbance;
+        self.drive.disturbances = other.drive.disturbances;
         self.behind_filter = other.behind_filter;
         self.mean_inputs = other.mean_inputs;
-        // What a part that sticks does to the others' motion is made anew only where another one does: it takes as long as a step.
-        let held = self.held();
-        self.gyrostat.model().actuators.set_out(&self.state.actuators, &mut self.drive.actuators);
+        self.keep_parts();
         if !change.is_empty() {
             self.move_by(change);
         }
+    }
+
+    /// Takes over time, commands, valves and supplies as well, of a plant that has the same actuators.
+    pub fn stand_in_for(&mut self, other: &Self, change: &[f64]) {
+        (self.now_ns, self.state) = (other.now_ns, other.state);
+        self.drive = other.drive.clone();
+        self.drive.equation = self.gyrostat.rate_equation_now(&self.drive.actuators);
+        self.take_motion_of(other, change);
+    }
+
+    /// Decides which parts stick after a small change of their motion. What a part that sticks does to the others' motion is made anew
+    /// only where another one does: it takes as long as a step.
+    pub(super) fn keep_parts(&mut self) {
+        let held = self.held();
+        self.gyrostat.model().actuators.set_out(&self.state.actuators, &mut self.drive.actuators);
         if self.held() != held || !self.gyrostat.model().gyros().is_empty() {
             self.drive.equation = self.gyrostat.rate_equation_now(&self.drive.actuators);
         }

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DVector, Matrix3, SVector, Vector3};
+use nalgebra::{DMatrix, Matrix3, SVector, Vector3};
 use whorl_math::quaternion_exp;
 
 use super::Plant;
@@ -54,12 +54,11 @@ impl Tangent {
     }
 
     /// Central differences of what is seen one step to either side: rates of the coordinates (of the rotation none), and
-    /// what the inertial sensors read.
-    fn slope(&self, plus: &Seen, minus: &Seen, step: f64) -> (DVector<f64>, SVector<f64, 6>) {
+    /// the six numbers that the inertial sensors read.
+    fn slope(&self, plus: &Seen, minus: &Seen, step: f64, rates: &mut [f64], imu: &mut [f64]) {
         let per = 0.5 / step;
-        let mut rates = DVector::zeros(self.size());
         let (plus_rates, minus_rates) = (&plus.derivative, &minus.derivative);
-        rates.fixed_rows_mut::<3>(RATE.start).copy_from(&((plus_rates.omega - minus_rates.omega) * per));
+        rates[RATE].copy_from_slice(((plus_rates.omega - minus_rates.omega) * per).as_slice());
         let speeds = |of: &Derivative| of.actuators.wheels.speed_rad_s;
         let (plus_speeds, minus_speeds) = (speeds(plus_rates), speeds(minus_rates));
         for (row, j) in self.wheels().zip(0..) {
@@ -68,7 +67,7 @@ impl Tangent {
         for (row, j) in self.hidden().zip(0..) {
             rates[row] = (plus_rates.hidden[j] - minus_rates.hidden[j]) * per;
         }
-        (rates, (plus.imu - minus.imu) * per)
+        imu.copy_from_slice(((plus.imu - minus.imu) * per).as_slice());
     }
 }
 
@@ -83,6 +82,20 @@ pub struct LinearisedPlant {
     pub imu_by_state: DMatrix<f64>,
     /// What the accelerometer reads by a torque on the body [m/s^2 per N m].
     pub force_by_torque: Matrix3<f64>,
+}
+
+impl LinearisedPlant {
+    /// Room for derivatives of a plant, all zero.
+    #[must_use]
+    pub fn none(plant: &Plant) -> Self {
+        let n = plant.tangent().size();
+        Self {
+            rate_by_state: DMatrix::zeros(n, n),
+            rate_by_torque: DMatrix::zeros(n, 3),
+            imu_by_state: DMatrix::zeros(6, n),
+            force_by_torque: Matrix3::zeros(),
+        }
+    }
 }
 
 /// What the plant does in one state.
@@ -133,19 +146,15 @@ impl Plant {
         (imu.fixed_rows::<3>(0).into(), imu.fixed_rows::<3>(3).into())
     }
 
-    /// Derivatives in the present state, under the present commands and the present branches of contacts and dry friction.
-    #[must_use]
-    pub fn linearised(&self) -> LinearisedPlant {
+    /// Derivatives in the present state, under the present commands and the present branches of contacts and dry friction; those by a
+    /// torque as well if `by_torque`.
+    pub fn linearise_into(&self, found: &mut LinearisedPlant, by_torque: bool) {
         let tangent = self.tangent();
         let n = tangent.size();
-        let mut found = LinearisedPlant {
-            rate_by_state: DMatrix::zeros(n, n),
-            rate_by_torque: DMatrix::zeros(n, 3),
-            imu_by_state: DMatrix::zeros(6, n),
-            force_by_torque: Matrix3::zeros(),
-        };
         let turns = self.gyrostat.model().freedom.turns() && !self.drive.clamped;
         let omega = self.state.omega_wb_b_rad_s;
+        found.rate_by_state.fill(0.0);
+        found.imu_by_state.fill(0.0);
         for i in 0..n {
             if !turns && RATE.contains(&i) {
                 continue;
@@ -156,9 +165,8 @@ impl Plant {
                 change_coordinate(&mut state, &tangent, i, step);
                 self.seen(&state, &self.drive)
             });
-            let (rates, imu) = tangent.slope(&plus, &minus, step);
-            found.rate_by_state.column_mut(i).copy_from(&rates);
-            found.imu_by_state.column_mut(i).copy_from(&imu);
+            let (mut rates, mut imu) = (found.rate_by_state.column_mut(i), found.imu_by_state.column_mut(i));
+            tangent.slope(&plus, &minus, step, rates.as_mut_slice(), imu.as_mut_slice());
         }
         if turns {
             // da/dt = dw - w x a.
@@ -169,23 +177,26 @@ impl Plant {
                 .fixed_view_mut::<3, 3>(0, 3)
                 .copy_from(&self.gyrostat.model().freedom.projection());
         }
-        found
+        if by_torque {
+            self.linearise_torque(found);
+        }
     }
 
-    /// The derivatives by a torque on the body, into `to`; what has hidden states may follow it too.
-    pub fn linearise_torque(&self, to: &mut LinearisedPlant) {
+    /// The derivatives by a torque on the body; what has hidden states may follow it too.
+    fn linearise_torque(&self, to: &mut LinearisedPlant) {
         let tangent = self.tangent();
         let mut drive = self.drive.clone();
         // In proportion to the inertia: a rate of 1 rad/s^2 on any rig.
         let step = self.gyrostat.model().mass_properties.inertia_b_kg_m2().trace() / 3.0;
         let own = drive.body_torque_b_n_m;
+        let mut imu = SVector::<f64, 6>::zeros();
         for axis in 0..3 {
             let [plus, minus] = [step, -step].map(|step| {
                 drive.body_torque_b_n_m = own + Vector3::ith(axis, step);
                 self.seen(&self.state, &drive)
             });
-            let (rates, imu) = tangent.slope(&plus, &minus, step);
-            to.rate_by_torque.column_mut(axis).copy_from(&rates);
+            let mut rates = to.rate_by_torque.column_mut(axis);
+            tangent.slope(&plus, &minus, step, rates.as_mut_slice(), imu.as_mut_slice());
             to.force_by_torque.set_column(axis, &imu.fixed_rows::<3>(3));
         }
     }
@@ -201,7 +212,7 @@ impl Plant {
         let before = self.has_filter.then(|| self.ideal_imu(&self.state, &Vector3::zeros()));
         self.move_by(change);
         let behind = self.behind_filter;
-        self.set_out();
+        self.keep_parts();
         if let Some(before) = before {
             let after = self.ideal_imu(&self.state, &Vector3::zeros());
             self.behind_filter = TrueImu {
@@ -224,13 +235,12 @@ impl Plant {
         }
         self.state.q_world_body *= quaternion_exp(&of(ROTATION));
         self.state.normalise();
-        let speeds: Vec<f64> = tangent
-            .wheels()
-            .zip(self.state.wheel_speed_rad_s())
-            .zip(self.held_wheels())
-            .map(|((i, speed), held)| if held { *speed } else { speed + change[i] })
-            .collect();
-        self.state.set_wheel_speed_rad_s(&speeds);
+        for (j, i) in tangent.wheels().enumerate() {
+            if !self.drive.actuators.wheels.holds(j) {
+                let speed = self.state.wheel_speed_rad_s().get(j).copied().unwrap_or(0.0);
+                self.state.set_one_wheel_speed_rad_s(j, speed + change[i]);
+            }
+        }
         for (i, hidden) in tangent.hidden().zip(&mut self.state.hidden) {
             *hidden += change[i];
         }
@@ -338,8 +348,8 @@ mod tests {
     #[test]
     fn differences_are_the_derivatives_on_paper() {
         let plant = plant();
-        let mut found = plant.linearised();
-        plant.linearise_torque(&mut found);
+        let mut found = LinearisedPlant::none(&plant);
+        plant.linearise_into(&mut found, true);
         let (model, state) = (plant.gyrostat().model(), plant.state());
         let vertical = whorl_math::vertical_b(&state.q_world_body);
         let momentum = plant.truth().momentum_b_n_m_s;
@@ -399,7 +409,7 @@ mod tests {
         model.freedom = crate::Freedom::Free;
         model.wheels_mut().clear();
         let mut plant = Plant::new(&model, &InitialState::default(), 1).unwrap();
-        plant.set_disturbance(Vector3::new(0.0, 0.0, 0.4), 2.0);
+        plant.set_disturbance(0, Vector3::new(0.0, 0.0, 0.4), 2.0);
         plant.advance_to(500_000_000).unwrap();
         let axis = plant.gyrostat().rate_equation().resisting_b_kg_m2() * plant.state().omega_wb_b_rad_s;
         let impulse = 0.4 * (1.0 - (-1.0_f64).exp()) / 2.0;

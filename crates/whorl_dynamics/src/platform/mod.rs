@@ -63,6 +63,23 @@ impl TiltLimit {
     /// No stop: no attitude lies beyond it.
     pub const NONE: Self = Self::Cone { max_rad: std::f64::consts::PI };
 
+    /// Its angle \[rad\].
+    #[must_use]
+    pub fn max_rad(&self) -> f64 {
+        match *self {
+            Self::Cone { max_rad } | Self::Pitch { max_rad } => max_rad,
+        }
+    }
+
+    /// The same kind at another angle \[rad\].
+    #[must_use]
+    pub fn with_max_rad(&self, max_rad: f64) -> Self {
+        match self {
+            Self::Cone { .. } => Self::Cone { max_rad },
+            Self::Pitch { .. } => Self::Pitch { max_rad },
+        }
+    }
+
     /// Whether there is a stop.
     #[must_use]
     pub fn stops(&self) -> bool {

@@ -72,7 +72,6 @@ pub fn fit_beside(
     rival: Rival<'_>,
     settings: &Settings,
 ) -> Result<Fitted, PredictionError> {
-    let settings = &Settings { derivatives_held: settings.fit_derivatives_held, ..*settings };
     let problem = Problem { recordings, parameters, model_at, settings };
     let begun = match rival.followed {
         [] => problem.begun(starts)?,

@@ -66,7 +66,7 @@ impl Unexplained {
         let of = &followed.noise.disturbance;
         let wheels = case.model().wheels().iter().map(|wheel| wheel.name.clone());
         Self {
-            torque_b_n_m: of.stddev_b_n_m,
+            torque_b_n_m: of.body_stddev_b_n_m(),
             motors_n_m: wheels.zip(of.motors_n_m.iter().copied()).collect(),
             gain_nats: followed.gain_nats,
         }

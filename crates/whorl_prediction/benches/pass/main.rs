@@ -1,14 +1,20 @@
-//! Cost of a pass over six minutes at 100 Hz, alone and with the columns of 150 parameters.
+//! Processor time of an instant of a pass over six minutes at 100 Hz: gains, the mean with gains that were kept, and columns of parameters.
 #![allow(missing_docs, clippy::expect_used, reason = "a bench: criterion's macros, and a known platform")]
+
+mod processor;
 
 use std::collections::BTreeMap;
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::Vector3;
+use processor::{ProcessorTime, instants};
 use whorl_dynamics::effects::{Role, catalogue};
 use whorl_dynamics::{Gyrostat, InitialState, Plant, PlatformModel};
-use whorl_prediction::{Noise, Prepared, Settings, Start, Varied, fitted_start, predict, sensitivities};
+use whorl_prediction::{
+    Disturbance, FrozenGains, Noise, Prepared, RandomTorque, Settings, Start, Varied, fitted_start,
+    innovations, predict, sensitivities,
+};
 use whorl_recording::{OnInterval, Recording};
 
 const SAMPLES: i64 = 36_000;
@@ -66,27 +72,42 @@ fn varied(model: &PlatformModel) -> Vec<Varied> {
     all.into_iter().cycle().take(PARAMETERS).collect()
 }
 
-fn pass(c: &mut Criterion) {
+fn pass(c: &mut Criterion<ProcessorTime>) {
     let model = PlatformModel::whorl_1_reference();
     let recording = recording(&model);
     let case = Prepared::new(&recording, &model, Settings::default()).expect("a recording of this model");
-    let noise = Noise::stated(&case).expect("sensors with noise");
+    let stated = Noise::stated(&case).expect("sensors with noise");
+    // A state with everything: random torques, noise of the motors.
+    let body = vec![RandomTorque { stddev_b_n_m: [1e-3; 3], correlation_s: 1.0 }];
+    let disturbance = Disturbance { body, motors_n_m: vec![1e-4; 3], motors_correlation_s: 1.0 };
+    let noise = Noise { disturbance, ..stated };
     let start: Start = fitted_start(&case, &noise).start;
     let varied = varied(&model);
-    let mut group = c.benchmark_group("six minutes at 100 Hz");
+    let gains = FrozenGains::along(&case, &noise, &start).expect("a motion without end");
+    let mut group = c.benchmark_group("an instant of six minutes at 100 Hz");
+    group.throughput(instants(SAMPLES));
     group.sample_size(10);
-    group.bench_function("alone", |b| {
+    group.bench_function("gains and mean", |b| {
         b.iter(|| black_box(predict(&case, &noise, &start, &[], &mut |_| {})));
     });
-    group.bench_function("with 150 columns", |b| {
-        b.iter(|| {
-            sensitivities(&case, &noise, &start, &varied, &mut |_, d| {
-                black_box(d[0]);
-            })
-            .ok()
-        });
+    group.bench_function("mean with frozen gains", |b| {
+        b.iter(|| black_box(innovations(&case, &noise, &start, &gains, &mut |_| {})));
     });
+    for columns in [64, PARAMETERS] {
+        group.bench_function(format!("with {columns} columns"), |b| {
+            b.iter(|| {
+                let found = sensitivities(&case, &noise, &start, &varied[..columns], &mut |_, d| {
+                    black_box(d[0]);
+                });
+                found.expect("models of platforms");
+            });
+        });
+    }
 }
 
-criterion_group!(benches, pass);
+criterion_group! {
+    name = benches;
+    config = Criterion::default().with_measurement(ProcessorTime);
+    targets = pass
+}
 criterion_main!(benches);

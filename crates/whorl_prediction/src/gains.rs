@@ -1,0 +1,213 @@
+//! The covariance of a state on its way along a motion, and the gains that follow from it.
+
+use nalgebra::{DMatrix, Vector3};
+use whorl_dynamics::plant::{LinearisedPlant, Plant, RATE, ROTATION};
+
+use crate::claims::Claims;
+use crate::heading::UnseenHeading;
+use crate::lanes::{Gain, Lanes};
+use crate::layout::Layout;
+use crate::linearisation::Place;
+use crate::noise::Noise;
+use crate::prepared::Prepared;
+use crate::rows::Readings;
+use crate::start::Start;
+use crate::transition::{Step, fastest_rate_1_s};
+
+/// Covariance and gains along a motion.
+pub(crate) struct Gains<'a> {
+    case: &'a Prepared<'a>,
+    noise: &'a Noise,
+    layout: Layout,
+    pub covariance: Lanes,
+    /// What predictions ahead need.
+    pub claims: Option<Claims>,
+    pub linearised: LinearisedPlant,
+    /// Where the derivatives were made.
+    place: Place,
+    pub fastest_1_s: f64,
+    /// Derivatives by a torque are needed.
+    has_torques: bool,
+    /// d/dt of the error of what moves, now and before.
+    motion: DMatrix<f64>,
+    before: DMatrix<f64>,
+    /// What a step of this length does to errors with the present derivatives; none yet: zero.
+    pub step: Step,
+    step_ns: i64,
+    /// It was made for the last step.
+    pub has_new_step: bool,
+    /// What of the attitude at the start is of no consequence,
+    pub heading: UnseenHeading,
+    /// and about which axis that is now.
+    pub unseen_axis: Option<Vector3<f64>>,
+    /// Of the readings of the present instant.
+    pub gain: Gain,
+}
+
+impl<'a> Gains<'a> {
+    /// At a start, in which the plant stands; `has_laws`: derivatives by a torque are needed whatever disturbances there are.
+    pub fn new(case: &'a Prepared<'a>, noise: &'a Noise, start: &Start, plant: &Plant) -> Self {
+        let layout = start.layout;
+        let has_torques = noise.disturbance.is_some() || case.drives_with_noise();
+        let mut linearised = LinearisedPlant::none(plant);
+        plant.linearise_into(&mut linearised, has_torques);
+        let heading = UnseenHeading::of(case, plant, &linearised);
+        let mut covariance = Lanes::of(&start.covariance);
+        if let Some(axis) = heading.at_start() {
+            covariance.level_covariance(&axis);
+        }
+        let none = DMatrix::zeros(layout.moving(), layout.moving());
+        let mut gains = Self {
+            case,
+            noise,
+            layout,
+            covariance,
+            claims: None,
+            linearised,
+            place: Place::of(plant),
+            fastest_1_s: 0.0,
+            has_torques,
+            motion: none.clone(),
+            before: none,
+            step: Step::new(layout.moving(), layout.size()),
+            step_ns: 0,
+            has_new_step: false,
+            heading,
+            unseen_axis: None,
+            gain: Gain::default(),
+        };
+        gains.find_motion(plant);
+        gains.fastest_1_s = fastest_rate_1_s(&gains.motion);
+        gains
+    }
+
+    /// With derivatives by a torque, whatever disturbances there are.
+    pub fn with_torques(&mut self, plant: &Plant) {
+        self.has_torques = true;
+        plant.linearise_into(&mut self.linearised, true);
+    }
+
+    /// d/dt of the error of what moves.
+    fn find_motion(&mut self, plant: &Plant) {
+        let (n, a) = (self.layout.plant.size(), &mut self.motion);
+        a.fill(0.0);
+        a.view_mut((0, 0), (n, n)).copy_from(&self.linearised.rate_by_state);
+        let by_torque = &self.linearised.rate_by_torque;
+        for first in self.layout.disturbance().step_by(3) {
+            a.view_mut((0, first), (n, 3)).copy_from(by_torque);
+        }
+        let wheels = self.layout.plant.wheels().zip(self.case.model().wheels());
+        for ((i, (speed, wheel)), held) in self.layout.motors().zip(wheels).zip(plant.held_wheels()) {
+            // It pushes the wheel, and the body the other way; what friction holds, nothing pushes.
+            if !held {
+                a.column_mut(i).rows_mut(0, n).gemv(-1.0, by_torque, &wheel.spin_axis_b, 0.0);
+                a[(speed, i)] += 1.0 / wheel.spin_inertia_kg_m2;
+            }
+        }
+        for (i, correlation_s) in self.noise.disturbance.times(self.layout) {
+            a[(i, i)] = -1.0 / correlation_s;
+        }
+    }
+
+    /// Sets out to the instant of the next readings.
+    pub fn set_out(&mut self) {
+        if let Some(claims) = &mut self.claims {
+            claims.set_out();
+        }
+    }
+
+    /// The longest step that covariances may take \[s\].
+    pub fn longest_s(&self) -> f64 {
+        self.case.settings().covariance_step / self.fastest_1_s.max(1e-9)
+    }
+
+    /// Behind a step of the plant.
+    pub fn follow(&mut self, plant: &Plant, step_ns: i64) {
+        let step_s = step_ns as f64 * 1e-9;
+        self.find_step(plant, step_ns);
+        self.unseen_axis = self.heading.now(plant);
+        let (Step { transition, noise, of_model, .. }, axis) = (&self.step, self.unseen_axis.as_ref());
+        let claimed = self.claims.as_mut().and_then(|claims| claims.covariance.as_mut());
+        for (covariance, noise) in [(Some(&mut self.covariance), noise), (claimed, of_model)] {
+            let Some(covariance) = covariance else { continue };
+            covariance.grow(transition, noise.as_ref());
+            for i in self.layout.moving()..self.layout.size() {
+                covariance.row_mut(i)[i] += self.case.walk_variance(self.layout, i, step_s);
+            }
+            if let Some(axis) = axis {
+                covariance.level_covariance(axis);
+            }
+        }
+        if let Some(claims) = &mut self.claims {
+            claims.follow(&self.step, axis);
+        }
+    }
+
+    /// What the step that ends now does to errors. Derivatives are held while the state is close to that of which they were made, and
+    /// with them what equal steps do.
+    fn find_step(&mut self, plant: &Plant, step_ns: i64) {
+        let now = Place::of(plant);
+        let is_near =
+            self.place.distance_rad(&now, self.fastest_1_s) <= self.case.settings().derivatives_held;
+        self.has_new_step = !(is_near && self.step_ns == step_ns);
+        if !self.has_new_step {
+            return;
+        }
+        self.step_ns = step_ns;
+        if !is_near {
+            self.before.copy_from(&self.motion);
+            plant.linearise_into(&mut self.linearised, self.has_torques);
+            self.place = now;
+            self.find_motion(plant);
+            self.fastest_1_s = fastest_rate_1_s(&self.motion);
+            // Of the two ends.
+            self.before += &self.motion;
+            self.before *= 0.5;
+            self.step_ns = 0;
+        }
+        let roots = self.noise_roots(true);
+        let of_model = self.claims.as_ref().map(|_| self.noise_roots(false));
+        let motion = if is_near { &self.motion } else { &self.before };
+        self.step.make(motion, &roots, of_model.as_ref(), step_ns as f64 * 1e-9);
+    }
+
+    /// White noise that drives what moves, a column each [unit per root of a second].
+    fn noise_roots(&self, with_disturbances: bool) -> DMatrix<f64> {
+        let (m, of) = (self.layout.moving(), &self.noise.disturbance);
+        let walks = (0..m).map(|i| (i, self.case.walk_variance(self.layout, i, 1.0).sqrt()));
+        let times = of.times(self.layout).map(|(_, correlation_s)| correlation_s);
+        let disturbances = of.coordinates(self.layout).zip(times).filter(|_| with_disturbances);
+        let pushes =
+            disturbances.map(|((i, stddev), correlation_s)| (i, stddev * (2.0 / correlation_s).sqrt()));
+        let driven = self.case.driven_momentum_roots();
+        let single = || walks.clone().chain(pushes.clone()).filter(|(_, root)| *root > 0.0);
+        let count = single().count();
+        let mut roots = DMatrix::zeros(m, count + driven.len());
+        for (k, (i, root)) in single().enumerate() {
+            roots[(i, k)] = root;
+        }
+        // The noise of a speed along which a wheel is driven is one of the body's rate, and its attitude follows.
+        for (k, momentum_b) in driven.iter().enumerate() {
+            let rate = self.linearised.rate_by_torque.fixed_rows::<3>(RATE.start) * momentum_b;
+            roots.view_mut((ROTATION.start, count + k), (3, 1)).copy_from(&rate);
+        }
+        roots
+    }
+
+    /// Takes readings out of the covariances; false where one is none any more.
+    pub fn correct(&mut self, readings: &Readings) -> bool {
+        let claimed = self.claims.as_mut().and_then(|claims| claims.covariance.as_mut());
+        if let Some(claimed) = claimed {
+            claimed.correct(&readings.by_state, &readings.variances, &mut self.gain);
+        }
+        self.covariance.correct(&readings.by_state, &readings.variances, &mut self.gain)
+    }
+
+    /// Nothing is uncertain of a coordinate.
+    pub fn hold(&mut self, i: usize) {
+        self.covariance.hold(i);
+        if let Some(claimed) = self.claims.as_mut().and_then(|claims| claims.covariance.as_mut()) {
+            claimed.hold(i);
+        }
+    }
+}

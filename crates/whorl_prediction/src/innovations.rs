@@ -1,0 +1,189 @@
+//! The mean of a state on its way through a recording, and what readings are less their predictions: with any gains.
+
+use nalgebra::{DVector, Vector3};
+use whorl_dynamics::plant::{LinearisedPlant, Plant};
+use whorl_recording::Component;
+
+use crate::lanes::{Gain, Sparse};
+use crate::layout::Layout;
+use crate::noise::Noise;
+use crate::prepared::Prepared;
+use crate::readings::Cursor;
+use crate::rows::{Readings, Seen};
+use crate::start::Start;
+
+/// A reading less what was predicted from everything before it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Innovation {
+    /// The instant that the reading shows, time since the start of the run \[s\].
+    pub time_s: f64,
+    /// Which sensor, and which of its sample, from 0.
+    pub component: Component,
+    /// Sample of its series.
+    pub sample: usize,
+    /// Reading less prediction, in the channel's unit; of a direction the angle about one of two axes across it \[rad\].
+    pub value: f64,
+    /// Its predicted standard deviation, in the same unit.
+    pub stddev: f64,
+}
+
+impl Innovation {
+    /// Over its predicted deviation: independent and standard normal for the true model.
+    #[must_use]
+    pub fn normalised(&self) -> f64 {
+        self.value / self.stddev
+    }
+
+    /// Its part of the log likelihood, -1/2 (e^2/S + log 2 pi S).
+    #[must_use]
+    pub fn log_likelihood(&self) -> f64 {
+        -0.5 * (self.normalised().powi(2) + (std::f64::consts::TAU * self.stddev * self.stddev).ln())
+    }
+}
+
+/// The mean of the state on its way.
+pub(crate) struct Mean<'a> {
+    pub case: &'a Prepared<'a>,
+    pub noise: &'a Noise,
+    pub layout: Layout,
+    pub plant: Plant,
+    /// Disturbance and biases: what the state has besides the plant's, by [`Layout`]; entries of the plant are zero.
+    pub beside: DVector<f64>,
+    /// The next command.
+    pub event: usize,
+    cursor: Cursor,
+    /// What was read at the present instant: tracks and samples.
+    pub due: Vec<(usize, usize)>,
+    /// Innovations of the present instant.
+    pub values: Vec<f64>,
+    /// By how much they change the state.
+    change: Vec<f64>,
+    /// The motion is no longer finite.
+    pub lost: bool,
+}
+
+impl<'a> Mean<'a> {
+    /// At a start.
+    pub fn new(case: &'a Prepared<'a>, noise: &'a Noise, start: &Start) -> Self {
+        let mut plant = case.plant().clone();
+        start.put(&mut plant);
+        Self {
+            case,
+            noise,
+            layout: start.layout,
+            plant,
+            beside: start.beside.clone(),
+            event: case.first_event(),
+            cursor: Cursor::new(case.tracks()),
+            due: Vec::new(),
+            values: Vec::new(),
+            change: Vec::new(),
+            lost: false,
+        }
+    }
+
+    /// The instant of the next readings \[ns\].
+    pub fn next_ns(&self) -> Option<i64> {
+        self.cursor.instant_ns(self.case.tracks())
+    }
+
+    /// Sets out to the instant of the next readings. What is read then is known before: what a platform does there is what others begin
+    /// with.
+    pub fn set_out(&mut self, instant_ns: i64) {
+        self.plant.average_readings(self.case.mean_inputs(instant_ns));
+    }
+
+    /// A step of the plant to an instant, with the disturbances that are known now.
+    pub fn advance(&mut self, end_ns: i64) {
+        let (torques, noise) = (self.layout.disturbance(), &self.noise.disturbance);
+        for (k, process) in noise.processes().enumerate().take(torques.len() / 3) {
+            let now_n_m = Vector3::from_fn(|i, _| self.beside[torques.start + 3 * k + i]);
+            self.plant.set_disturbance(k, now_n_m, 1.0 / process.correlation_s);
+        }
+        self.lost = !self.case.run_to(&mut self.plant, &mut self.event, end_ns);
+    }
+
+    /// Behind a step: what the motors' disturbances, which the plant does not know, have moved, by their columns of F; and how
+    /// disturbances have faded over it \[s\].
+    pub fn fade(&mut self, transition: &Sparse, heading: Option<&Vector3<f64>>, step_s: f64) {
+        let (motors, n) = (self.layout.motors(), self.layout.plant.size());
+        if !motors.is_empty() {
+            self.change.clear();
+            self.change.resize(n, 0.0);
+            for (i, k, by) in transition.entries().filter(|(i, k, _)| *i < n && motors.contains(k)) {
+                self.change[i] += by * self.beside[k];
+            }
+            if let Some(axis) = heading {
+                let about: f64 = (0..3).map(|i| axis[i] * self.change[i]).sum();
+                (0..3).for_each(|i| self.change[i] -= about * axis[i]);
+            }
+            self.plant.change_state(&self.change);
+        }
+        for (i, correlation_s) in self.noise.disturbance.times(self.layout) {
+            self.beside[i] *= (-step_s / correlation_s).exp();
+        }
+    }
+
+    /// Finds what was read at the present instant.
+    pub fn find_due(&mut self, instant_ns: i64) {
+        let tracks = self.case.tracks();
+        self.due.clear();
+        while let Some(reading) = self.cursor.take(tracks, instant_ns) {
+            self.due.push(reading);
+        }
+    }
+
+    /// Reads what is due against this state.
+    pub fn read(&self, linearised: Option<&LinearisedPlant>, to: &mut Readings) {
+        self.read_of(&self.plant, self.beside.as_slice(), linearised, to);
+    }
+
+    /// The same against another state.
+    pub fn read_of(
+        &self,
+        plant: &Plant,
+        beside: &[f64],
+        linearised: Option<&LinearisedPlant>,
+        to: &mut Readings,
+    ) {
+        let Self { case, noise, layout, due, .. } = self;
+        Seen { case, noise, layout: *layout, plant, beside, linearised }.read(due, to);
+    }
+
+    /// Corrects the state by readings, one number after the other.
+    pub fn take_in(&mut self, readings: &Readings, gain: &Gain, told: &mut dyn FnMut(&Innovation)) {
+        let time_s = self.plant.now_ns() as f64 * 1e-9;
+        self.values.clear();
+        self.change.clear();
+        self.change.resize(self.layout.size(), 0.0);
+        for (r, (row, variance)) in readings.rows.iter().zip(&gain.variances).enumerate() {
+            let before = gain.couplings(r).iter().zip(&self.values);
+            let value = row.value - before.map(|(coupling, e)| coupling * e).sum::<f64>();
+            // Without a value the motion is beyond repair.
+            if !value.is_finite() {
+                self.lost = true;
+                return;
+            }
+            let (component, sample) = (row.component, row.sample);
+            told(&Innovation { time_s, component, sample, value, stddev: variance.sqrt() });
+            self.values.push(value);
+            self.change.iter_mut().zip(gain.of(r)).for_each(|(change, gain)| *change += gain * value);
+        }
+        self.apply_change();
+    }
+
+    /// Moves the state.
+    pub fn change(&mut self, change: &DVector<f64>) {
+        self.change.clear();
+        self.change.extend(change.iter());
+        self.apply_change();
+    }
+
+    fn apply_change(&mut self) {
+        let n = self.layout.plant.size();
+        for i in n..self.layout.size() {
+            self.beside[i] += self.change[i];
+        }
+        self.plant.change_state(&self.change[..n]);
+    }
+}
