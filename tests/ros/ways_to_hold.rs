@@ -13,11 +13,17 @@ use whorl_msgs::whorl::srv::{AbortExperimentRequest, HoldExperimentRequest, Star
 use whorl_ros::{Participant, ServiceClient};
 use whorl_security::policy::OPERATOR;
 
-use crate::support::formation::{Formation, LONG_HOLD, SECURITY_VARIABLES, STARTUP};
+use crate::support::formation::{Formation, LONG_HOLD_ALONE, SECURITY_VARIABLES, STARTUP};
+use crate::support::machine::Load;
 use crate::support::watch::{Watch, route};
 use crate::support::{binaries, root, wait_for};
 
 const REASON: &str = "a cable hangs";
+
+/// A busy machine is no reason to end the experiment before anybody has held it.
+const PATIENCE: &str =
+    "    faults: {timeout_s: 600.0}\n    link: {timeout_s: 600.0}\n    waiting: {timeout_s: 600.0}\n";
+const SECTION: &str = "/coordinator:\n  ros__parameters:\n";
 
 /// What is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,14 +57,17 @@ struct Run {
 
 impl Run {
     fn start(secured: bool) -> Self {
-        let formation = Formation::new(&["whorl_1", "whorl_2"], &[]);
+        let formation = Formation::with_load(Load::Formation, &["whorl_1"], &[]);
         let mut formation = if secured { formation.secured() } else { formation };
         let watch = formation.watch();
         let experiment = formation.folder().join("long_hold.yaml");
-        std::fs::write(&experiment, LONG_HOLD).unwrap();
+        let patient = LONG_HOLD_ALONE.replacen(SECTION, &format!("{SECTION}{PATIENCE}"), 1);
+        assert!(patient.contains(PATIENCE));
+        std::fs::write(&experiment, patient).unwrap();
         let mut command = formation.command(None, &binaries::path("whorl"));
         command.arg("run").arg(&experiment).arg("--root").arg(root()).arg("--out");
         command.arg(formation.folder().join("runs")).args(["--live", "--live-port", "0"]);
+        command.args(["--platforms", "whorl_1"]);
         command.env("XDG_RUNTIME_DIR", formation.folder());
         if secured {
             // The keys are chosen; that they are used is the option's doing.
