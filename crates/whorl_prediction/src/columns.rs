@@ -5,8 +5,8 @@
 //! parameter: what it does otherwise is what drives the column, whatever the effect is. See METHOD.md, "Sensitivities".
 
 use nalgebra::{DMatrix, DVector, Vector3};
-use whorl_dynamics::Plant;
-use whorl_dynamics::plant::{Acts, LinearisedPlant};
+use whorl_dynamics::State;
+use whorl_dynamics::plant::{Acts, LinearisedPlant, Plant};
 use whorl_recording::Channel;
 
 use crate::design::Design;
@@ -14,7 +14,7 @@ use crate::error::PredictionError;
 use crate::gains::Gains;
 use crate::information::Information;
 use crate::innovations::Mean;
-use crate::lanes::{BLOCK, Gain, Lanes, dot};
+use crate::lanes::{BLOCK, Gain, Lanes, MOST_STATES, dot};
 use crate::laws::{Laws, Push, add_rates_by_torque};
 use crate::layout::Layout;
 use crate::other::{Differs, Does, Other, Varied};
@@ -33,17 +33,17 @@ pub(crate) struct Columns<'a> {
     others: Vec<Other<'a>>,
     /// What has no parameter, behind the others,
     laws: Option<&'a Laws<'a>>,
-    /// and what it does over the present step.
+    /// and what it does over the present step; room for what it does at its end.
     pushes: Vec<Push>,
+    now: Vec<Push>,
     /// The filter's own model, which takes the steps that the others take.
-    reference: Option<OtherModel<'a>>,
-    /// Where the filter's plant was before the step, where readings are taken to be late.
-    before: Option<Plant>,
-    /// How the reference acts over the present step, if that is short.
-    acts: Option<Acts>,
+    reference: Option<Reference<'a>>,
+    /// Where the filter's plant was before the step, and when \[ns\], where readings are taken to be late.
+    before: Option<(State, i64)>,
     blocks: Vec<Block>,
-    /// Columns that took a step of their own, one after the other.
+    /// Columns that took a step of their own, one after the other, and room for one of them.
     stepped: Vec<f64>,
+    moved: [f64; MOST_STATES],
     /// Readings of another model.
     varied: Readings,
     /// Sum of d d^T / S over all innovations e with d = de/dtheta: the information on the parameters.
@@ -54,6 +54,15 @@ pub(crate) struct Columns<'a> {
     rates: DVector<f64>,
     /// d of all innovations, if they are kept.
     design: Option<Design>,
+}
+
+/// The filter's own model beside the filter.
+struct Reference<'a> {
+    with: OtherModel<'a>,
+    /// How it acts over the present step, if that is short, and at its end.
+    acts: Acts,
+    is_steady: bool,
+    acts_now: Acts,
 }
 
 /// Columns that lie side by side.
@@ -92,7 +101,8 @@ impl<'a> Columns<'a> {
         if !others.is_empty() || laws.is_some() {
             let mut own = case.varied(case.given_model())?;
             own.plant = own.plant.for_differences(others.iter().any(|other| other.behind.is_some()));
-            reference = Some(own);
+            let [acts, acts_now] = [(); 2].map(|()| Acts::none(&own.plant));
+            reference = Some(Reference { with: own, acts, is_steady: false, acts_now });
         }
         let plant = case.plant().tangent().size();
         let mut columns = Self::of_state(layout.size(), states, plant, varied.len(), laws);
@@ -126,11 +136,12 @@ impl<'a> Columns<'a> {
             others: Vec::new(),
             laws: None,
             pushes: Vec::new(),
+            now: Vec::new(),
             reference: None,
             before: None,
-            acts: None,
             blocks,
             stepped: Vec::new(),
+            moved: HERE,
             varied: Readings::default(),
             information: Information::new(parameters, of_laws, laws.map_or(0, Laws::apart)),
             slope: DVector::zeros(count),
@@ -175,13 +186,16 @@ impl<'a> Columns<'a> {
             laws.at(plant, &mut self.pushes);
         }
         let (n, width, first) = (self.rates.len(), self.width(), self.states);
-        let Self { others, reference, blocks, acts, before, stepped, .. } = self;
-        let Some(reference) = reference else { return };
+        let Self { others, reference, blocks, before, stepped, .. } = self;
+        let Some(Reference { with: reference, acts, is_steady, .. }) = reference else { return };
         reference.plant.take_motion_of(plant, &[]);
         let step_s = (end_ns - plant.now_ns()) as f64 * 1e-9;
         let is_simple = step_s * case.fastest_1_s() <= SHORT_STEP && reference.is_steady_until(case, end_ns);
-        *acts = is_simple.then(|| reference.plant.acts());
-        *before = others.iter().any(Other::is_late).then(|| plant.clone());
+        *is_steady = is_simple;
+        if is_simple {
+            reference.plant.act_into(acts);
+        }
+        *before = others.iter().any(Other::is_late).then(|| (*plant.state(), plant.now_ns()));
         let jets_rest = is_simple && reference.plant.jets_rest();
         let any_torque = is_simple && others.iter().any(|other| other.differs == Differs::InTorque);
         let environment = any_torque.then(|| plant.environment());
@@ -223,7 +237,7 @@ impl<'a> Columns<'a> {
         let (transition, axis) = (&gains.step.transition, gains.unseen_axis.as_ref());
         let (width, first, n) = (self.width(), self.states, self.rates.len());
         self.stepped.clear();
-        if let Some(reference) = &mut self.reference {
+        if let Some(Reference { with: reference, acts: of_reference, is_steady, .. }) = &mut self.reference {
             let step_s = (plant.now_ns() - reference.plant.now_ns()) as f64 * 1e-9;
             if !reference.run_to(case, plant.now_ns()) {
                 return false;
@@ -243,7 +257,9 @@ impl<'a> Columns<'a> {
                 });
             }
             for (k, other) in self.others.iter_mut().enumerate() {
-                let Some(of_reference) = &self.acts else { break };
+                if !*is_steady {
+                    break;
+                }
                 let column = first + k;
                 match other.does {
                     Does::Act => {
@@ -284,14 +300,12 @@ impl<'a> Columns<'a> {
                 let is_alike = other.with.plant.is_on_branch_of(reference);
                 // The plants know better than derivatives that are held how a state moves on; disturbances they have in
                 // common.
-                let moved = is_alike.then(|| other.with.plant.motion_less(reference) / other.step);
+                let moved = &mut self.moved[..n];
+                other.with.plant.motion_less(reference.state(), moved);
                 for (i, row) in transition.rows().enumerate() {
                     let of_rest = row.iter().filter(|(k, _)| *k >= n || !is_alike || i >= n);
                     let through: f64 = of_rest.map(|(k, by)| by * before(*k)).sum();
-                    let own = match &moved {
-                        Some(moved) if i < n => moved[i],
-                        _ => before(i),
-                    };
+                    let own = if is_alike && i < n { moved[i] / other.step } else { before(i) };
                     self.stepped.push(own + through);
                 }
             }
@@ -314,9 +328,10 @@ impl<'a> Columns<'a> {
         if let Some(axis) = axis {
             self.blocks.iter_mut().for_each(|block| block.of_state.level(axis));
         }
-        if let Some(before) = &self.before {
-            let step_s = (plant.now_ns() - before.now_ns()) as f64 * 1e-9;
-            self.rates = plant.motion_less(before) / step_s;
+        if let Some((before, before_ns)) = &self.before {
+            let step_s = (plant.now_ns() - before_ns) as f64 * 1e-9;
+            plant.motion_less(before, self.rates.as_mut_slice());
+            self.rates /= step_s;
         }
         true
     }
@@ -337,11 +352,11 @@ impl<'a> Columns<'a> {
         };
         if let Some(laws) = self.laws {
             if self.pushes.is_empty() || !self.pushes.iter().all(Push::is_torque) {
-                let mut now = Vec::with_capacity(self.pushes.len());
-                laws.at(plant, &mut now);
-                let over_step = now.iter_mut().zip(&self.pushes).filter(|(_, of_step)| of_step.is_torque());
+                laws.at(plant, &mut self.now);
+                let over_step =
+                    self.now.iter_mut().zip(&self.pushes).filter(|(_, of_step)| of_step.is_torque());
                 over_step.for_each(|(push, of_step)| *push = *of_step);
-                self.pushes = now;
+                std::mem::swap(&mut self.now, &mut self.pushes);
             }
             for (k, push) in self.pushes.iter().enumerate() {
                 for (r, row) in readings.rows.iter().enumerate() {
@@ -350,18 +365,22 @@ impl<'a> Columns<'a> {
                 }
             }
         }
-        let Some(reference) = &mut self.reference else { return };
+        let Some(Reference { with: reference, acts, is_steady, acts_now }) = &mut self.reference else {
+            return;
+        };
         // What differs in readings alone shows in the state as it is now.
         let now = self.others.iter().any(|other| other.differs == Differs::InReadings).then(|| {
             reference.plant.take_motion_of(plant, &[]);
-            reference.plant.acts()
+            reference.plant.act_into(acts_now);
+            &*acts_now
         });
+        let of_step = is_steady.then_some(&*acts);
         for (k, other) in self.others.iter_mut().enumerate() {
             let moves = |r: usize, late_s: f64| {
                 let by_state = || dot_within(readings.by_state.row(r), self.rates.as_slice());
                 if late_s == 0.0 { 0.0 } else { by_state() * late_s }
             };
-            let reads_later = match (other.does, &self.acts, &now) {
+            let reads_later = match (other.does, of_step, now) {
                 _ if other.turns_vectors => None,
                 (Does::Act, Some(of_reference), _) => Some(of_reference.imu - other.acts.imu),
                 (Does::Push, ..) => {
@@ -433,10 +452,11 @@ impl<'a> Columns<'a> {
     }
 
     /// How the innovation of a reading of the present instant changes with parameter by parameter.
-    pub fn latest(&self, reading: usize) -> DVector<f64> {
+    pub fn latest(&self, reading: usize, to: &mut DVector<f64>) {
         let width = self.width();
-        let all = self.states..self.slope.len();
-        DVector::from_iterator(all.len(), all.map(|c| self.blocks[c / width].d.row(reading)[c % width]))
+        for (slot, c) in to.iter_mut().zip(self.states..self.slope.len()) {
+            *slot = self.blocks[c / width].d.row(reading)[c % width];
+        }
     }
 
     /// How many columns there are besides those of the state.
@@ -451,7 +471,7 @@ impl<'a> Columns<'a> {
 }
 
 /// No change of a plant's coordinates.
-const HERE: [f64; crate::lanes::MOST_STATES] = [0.0; crate::lanes::MOST_STATES];
+const HERE: [f64; MOST_STATES] = [0.0; MOST_STATES];
 
 fn block_width(blocks: &[Block]) -> usize {
     blocks.first().map_or(1, |block| block.of_state.width())

@@ -1,7 +1,7 @@
 //! The covariance of a state on its way along a motion, and the gains that follow from it.
 
 use nalgebra::{DMatrix, Vector3};
-use whorl_dynamics::plant::{LinearisedPlant, Plant, RATE, ROTATION};
+use whorl_dynamics::plant::{LinearisedPlant, Plant, RATE};
 
 use crate::claims::Claims;
 use crate::heading::UnseenHeading;
@@ -12,7 +12,7 @@ use crate::noise::Noise;
 use crate::prepared::Prepared;
 use crate::rows::Readings;
 use crate::start::Start;
-use crate::transition::{Step, fastest_rate_1_s};
+use crate::transition::{Step, WhiteNoise, fastest_rate_1_s};
 
 /// Covariance and gains along a motion.
 pub(crate) struct Gains<'a> {
@@ -31,6 +31,9 @@ pub(crate) struct Gains<'a> {
     /// d/dt of the error of what moves, now and before.
     motion: DMatrix<f64>,
     before: DMatrix<f64>,
+    /// What drives errors, and what of that there is without disturbances.
+    drives: WhiteNoise,
+    drives_alone: WhiteNoise,
     /// What a step of this length does to errors with the present derivatives; none yet: zero.
     pub step: Step,
     step_ns: i64,
@@ -57,6 +60,14 @@ impl<'a> Gains<'a> {
             covariance.level_covariance(&axis);
         }
         let none = DMatrix::zeros(layout.moving(), layout.moving());
+        let walks = (0..layout.moving()).map(|i| case.walk_variance(layout, i, 1.0));
+        let turns = vec![Vector3::zeros(); case.driven_momentum_roots().len()];
+        let drives_alone = WhiteNoise { density: walks.collect(), turns };
+        let mut drives = drives_alone.clone();
+        let of = &noise.disturbance;
+        for ((i, stddev), (_, correlation_s)) in of.coordinates(layout).zip(of.times(layout)) {
+            drives.density[i] += stddev * stddev * 2.0 / correlation_s;
+        }
         let mut gains = Self {
             case,
             noise,
@@ -69,6 +80,8 @@ impl<'a> Gains<'a> {
             has_torques,
             motion: none.clone(),
             before: none,
+            drives,
+            drives_alone,
             step: Step::new(layout.moving(), layout.size()),
             step_ns: 0,
             has_new_step: false,
@@ -165,33 +178,15 @@ impl<'a> Gains<'a> {
             self.before *= 0.5;
             self.step_ns = 0;
         }
-        let roots = self.noise_roots(true);
-        let of_model = self.claims.as_ref().map(|_| self.noise_roots(false));
-        let motion = if is_near { &self.motion } else { &self.before };
-        self.step.make(motion, &roots, of_model.as_ref(), step_ns as f64 * 1e-9);
-    }
-
-    /// White noise that drives what moves, a column each [unit per root of a second].
-    fn noise_roots(&self, with_disturbances: bool) -> DMatrix<f64> {
-        let (m, of) = (self.layout.moving(), &self.noise.disturbance);
-        let walks = (0..m).map(|i| (i, self.case.walk_variance(self.layout, i, 1.0).sqrt()));
-        let times = of.times(self.layout).map(|(_, correlation_s)| correlation_s);
-        let disturbances = of.coordinates(self.layout).zip(times).filter(|_| with_disturbances);
-        let pushes =
-            disturbances.map(|((i, stddev), correlation_s)| (i, stddev * (2.0 / correlation_s).sqrt()));
-        let driven = self.case.driven_momentum_roots();
-        let single = || walks.clone().chain(pushes.clone()).filter(|(_, root)| *root > 0.0);
-        let count = single().count();
-        let mut roots = DMatrix::zeros(m, count + driven.len());
-        for (k, (i, root)) in single().enumerate() {
-            roots[(i, k)] = root;
-        }
         // The noise of a speed along which a wheel is driven is one of the body's rate, and its attitude follows.
-        for (k, momentum_b) in driven.iter().enumerate() {
-            let rate = self.linearised.rate_by_torque.fixed_rows::<3>(RATE.start) * momentum_b;
-            roots.view_mut((ROTATION.start, count + k), (3, 1)).copy_from(&rate);
+        let by_torque = self.linearised.rate_by_torque.fixed_rows::<3>(RATE.start);
+        for noise in [&mut self.drives, &mut self.drives_alone] {
+            let driven = self.case.driven_momentum_roots().iter().zip(&mut noise.turns);
+            driven.for_each(|(momentum_b, turn)| *turn = by_torque * momentum_b);
         }
-        roots
+        let motion = if is_near { &self.motion } else { &self.before };
+        let alone = self.claims.is_some().then_some(&self.drives_alone);
+        self.step.make(motion, &self.drives, alone, step_ns as f64 * 1e-9);
     }
 
     /// Takes readings out of the covariances; false where one is none any more.

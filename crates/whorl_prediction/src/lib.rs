@@ -81,7 +81,7 @@ pub use innovations::Innovation;
 pub use laws::{Laws, Push};
 pub use layout::Layout;
 pub use levels::{Followed, follow, follow_again};
-pub use likelihood::Likelihood;
+pub use likelihood::{Likelihood, likelihood};
 pub use noise::{Disturbance, Noise, RandomTorque};
 pub use other::Varied;
 pub use parameter::Parameter;

@@ -2,7 +2,11 @@
 
 use serde::Serialize;
 
+use crate::filter::Filter;
 use crate::innovations::Innovation;
+use crate::noise::Noise;
+use crate::prepared::Prepared;
+use crate::start::Start;
 
 /// Sums over all innovations of a recording.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
@@ -34,4 +38,15 @@ impl Likelihood {
         self.chi_squared += innovation.normalised().powi(2);
         self.numbers += 1;
     }
+}
+
+/// How likely a recording is with these levels of noise from a start, by a filter with gains of its own; what was known of the biases
+/// before the run stays about none.
+#[must_use]
+pub fn likelihood(case: &Prepared<'_>, noise: &Noise, start: &Start) -> Likelihood {
+    let mut filter = Filter::new(case, noise, start).about_known_biases(start);
+    let mut sums = Likelihood::begun(filter.log_known);
+    while filter.step(&mut |innovation| sums.add(innovation)) {}
+    sums.lost = filter.is_lost();
+    sums
 }

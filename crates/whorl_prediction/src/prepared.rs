@@ -112,17 +112,20 @@ impl<'a> Prepared<'a> {
     pub(crate) fn varied(&self, model: &PlatformModel) -> Result<OtherModel<'a>, PredictionError> {
         let model = as_driven(self.recording, model);
         let gyrostat = Gyrostat::new(&model)?;
-        let commands = Commands::along(self.recording, &gyrostat, self.driven.as_ref());
-        let plant = plant_before(self.recording, &model, &commands, self.first_ns(), self.clamped)?;
+        // Few parameters change when a command comes or what it is.
+        let is_told_the_same = self.driven.is_none() && gyrostat.has_valves_of(self.plant.gyrostat());
+        let own =
+            (!is_told_the_same).then(|| Commands::along(self.recording, &gyrostat, self.driven.as_ref()));
+        let commands = own.as_ref().unwrap_or(&self.commands);
+        let plant = plant_before(self.recording, &model, commands, self.first_ns(), self.clamped)?;
         let sensors = gyrostat.model().sensors;
         let low_pass_s = |sensors: &SensorSuite| {
             [sensors.gyro.errors.time_constant_s, sensors.accelerometer.errors.time_constant_s]
         };
         let has_own_low_pass = low_pass_s(&sensors) != low_pass_s(&self.model.sensors);
         let plant = plant.with_step_ns(self.difference_step_ns).for_differences(has_own_low_pass);
-        let (plant, event) = at_first_reading(&commands, plant, self.first_ns());
-        // Few parameters change when a command comes or what it is.
-        let commands = (commands != self.commands).then_some(commands);
+        let (plant, event) = at_first_reading(commands, plant, self.first_ns());
+        let commands = own.filter(|own| *own != self.commands);
         Ok(OtherModel { plant, event, commands, sensors, has_own_low_pass })
     }
 

@@ -25,10 +25,12 @@ pub fn sensitivities(
     let columns = Columns::new(case, start.layout, false, varied, None)?;
     let mut filter = Filter::new(case, noise, start).varying(columns);
     let mut innovations = Vec::new();
+    let mut latest = DVector::zeros(varied.len());
     while filter.step(&mut |innovation| innovations.push(*innovation)) {
         let Some(columns) = &filter.columns else { break };
         for (reading, innovation) in innovations.drain(..).enumerate() {
-            told(&innovation, &columns.latest(reading));
+            columns.latest(reading, &mut latest);
+            told(&innovation, &latest);
         }
     }
     Ok(())

@@ -1,8 +1,9 @@
 //! The motion of small errors over a step.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, Vector3};
+use whorl_dynamics::plant::ROTATION;
 
-use crate::lanes::{Lanes, Sparse};
+use crate::lanes::{Lanes, MOST_STATES, Sparse};
 
 /// The series ends where a term is below this share of one: gains then err by less than their tenth digit.
 const SMALLEST_TERM: f64 = 1e-11;
@@ -10,6 +11,22 @@ const SMALLEST_TERM: f64 = 1e-11;
 const MOST_TERMS: usize = 30;
 /// Products with which the fastest rate is found: its error then is some per cent.
 const PRODUCTS: usize = 6;
+
+/// White noise that drives what moves.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct WhiteNoise {
+    /// Variance that each coordinate gains in a second, by itself,
+    pub density: Vec<f64>,
+    /// and roots of those of turns of the body, together about three axes each [rad per root of a second].
+    pub turns: Vec<Vector3<f64>>,
+}
+
+impl WhiteNoise {
+    /// Whether there is none.
+    fn is_none(&self) -> bool {
+        self.turns.is_empty() && self.density.iter().all(|x| *x == 0.0)
+    }
+}
 
 /// What a step does to errors of what moves.
 #[derive(Debug, Clone)]
@@ -42,21 +59,15 @@ impl Step {
         }
     }
 
-    /// With these derivatives [1/s], over a time \[s\]; driven by white noise, the columns of `roots` in the coordinates' units per root of
-    /// a second, of which `of_model` are the model's own.
-    pub fn make(
-        &mut self,
-        a: &DMatrix<f64>,
-        roots: &DMatrix<f64>,
-        of_model: Option<&DMatrix<f64>>,
-        step_s: f64,
-    ) {
+    /// With these derivatives [1/s], over a time \[s\]; driven by white noise, and by that part of it which is the model's own, if anybody
+    /// asks.
+    pub fn make(&mut self, a: &DMatrix<f64>, noise: &WhiteNoise, of_model: Option<&WhiteNoise>, step_s: f64) {
         self.motion.clear();
         a.row_iter().for_each(|row| self.motion.push(row.iter().copied()));
         self.find_transition(step_s);
-        let [noise, room] = [self.noise.take(), self.of_model.take()];
-        self.noise = self.added(roots, step_s, noise);
-        self.of_model = of_model.and_then(|roots| self.added(roots, step_s, room));
+        let [room, room_of_model] = [self.noise.take(), self.of_model.take()];
+        self.noise = self.added(noise, step_s, room);
+        self.of_model = of_model.and_then(|noise| self.added(noise, step_s, room_of_model));
     }
 
     /// exp(A h), by its series.
@@ -83,16 +94,19 @@ impl Step {
     /// Q = integral from 0 to h of exp(A s) G G^T exp(A s)^T ds
     ///   = h D + h^2/2 L D + h^3/6 L (L D) + ...,    D = G G^T,    L X = A X + X A^T
     /// ```
-    fn added(&mut self, roots: &DMatrix<f64>, step_s: f64, room: Option<Lanes>) -> Option<Lanes> {
-        if roots.ncols() == 0 {
+    fn added(&mut self, noise: &WhiteNoise, step_s: f64, room: Option<Lanes>) -> Option<Lanes> {
+        if noise.is_none() {
             return None;
         }
         let moving = self.motion.count();
         self.term.clear(moving);
-        for root in roots.column_iter() {
-            for (i, x) in root.iter().enumerate().filter(|(_, x)| **x != 0.0) {
-                let row = self.term.row_mut(i);
-                root.iter().zip(row).for_each(|(y, slot)| *slot += step_s * x * y);
+        for (i, density) in noise.density.iter().enumerate() {
+            self.term.row_mut(i)[i] = step_s * density;
+        }
+        for turn in &noise.turns {
+            for (i, x) in turn.iter().enumerate() {
+                let row = self.term.row_mut(ROTATION.start + i);
+                (0..3).for_each(|k| row[ROTATION.start + k] += step_s * x * turn[k]);
             }
         }
         let mut sum = room.unwrap_or_else(|| self.term.clone());
@@ -113,12 +127,17 @@ impl Step {
 
 /// The largest size of an eigenvalue, roughly, by powers: whatever the units of the coordinates [1/s].
 pub(crate) fn fastest_rate_1_s(a: &DMatrix<f64>) -> f64 {
-    let mut v = DVector::from_fn(a.nrows(), |i, _| 1.0 + 0.1 * i as f64);
+    let size = a.nrows().min(MOST_STATES);
+    let mut v: [f64; MOST_STATES] =
+        std::array::from_fn(|i| if i < size { 1.0 + 0.1 * i as f64 } else { 0.0 });
+    let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let mut fastest: f64 = 0.0;
-    let mut next = v.clone();
     for k in 0..PRODUCTS {
-        next.gemv(1.0, a, &v, 0.0);
-        let (size, before) = (next.norm(), v.norm());
+        let mut next = [0.0; MOST_STATES];
+        for (column, x) in a.column_iter().zip(&v) {
+            next.iter_mut().zip(&column).for_each(|(sum, a)| *sum += a * x);
+        }
+        let (size, before) = (norm(&next), norm(&v));
         if !(size > 0.0 && size.is_finite()) {
             break;
         }
@@ -126,8 +145,7 @@ pub(crate) fn fastest_rate_1_s(a: &DMatrix<f64>) -> f64 {
         if k >= PRODUCTS / 2 {
             fastest = fastest.max(size / before);
         }
-        next /= size;
-        std::mem::swap(&mut v, &mut next);
+        v = next.map(|x| x / size);
     }
     fastest
 }

@@ -10,7 +10,8 @@ use nalgebra::Vector3;
 use rigs::Draw;
 use whorl_dynamics::{MassProperties, PlatformModel};
 use whorl_prediction::{
-    Noise, Parameter, Prepared, Settings, Told, Varied, fit, fitted_start, predict, sensitivities,
+    FrozenGains, Noise, Parameter, Prepared, Settings, Told, Varied, fit, fitted_start, innovations,
+    likelihood, predict, sensitivities,
 };
 
 /// What of a rig is uncertain, each in standard deviations of what is known before.
@@ -90,6 +91,65 @@ fn judged(seeds: impl Iterator<Item = u64>) -> (f64, f64) {
     let stddev = (all.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
     println!("measured: {n} scores of fits, mean {mean:.3}, standard deviation {stddev:.3}");
     (mean * n.sqrt(), (stddev - 1.0) * (2.0 * n).sqrt())
+}
+
+/// With gains that were made where a fit ends, and with those that the filter makes anew at every place: how far from the fit's end the
+/// latter is likeliest along each parameter, in deviations given the others, and by how much the two differ in what a deviation to
+/// either side costs [natural logarithm].
+fn with_either_gains(seed: u64) -> Vec<(f64, f64)> {
+    let rig = rigs::drawn_as(seed, &|model: &PlatformModel, draw: &mut Draw| {
+        let truth: Vec<f64> = (0..count(model)).map(|_| draw.normal()).collect();
+        moved(model, &truth).unwrap()
+    });
+    let parameters = vec![Parameter { stddev: 1.0, range: (-5.0, 5.0) }; count(&rig.model)];
+    let model_at = |at: &[f64]| moved(&rig.model, at);
+    let recordings = [rig.recording];
+    let from = vec![0.0; parameters.len()];
+    let found = fit(&recordings, &parameters, &model_at, &[from], &Settings::default()).unwrap();
+    let (noise, start) = (&found.followed[0].noise, &found.followed[0].fitted.start);
+    let with = |at: &[f64], gains: Option<&FrozenGains>| {
+        let model = moved(&rig.model, at).unwrap();
+        let case = Prepared::new(&recordings[0], &model, Settings::default()).unwrap();
+        match gains {
+            Some(gains) => innovations(&case, noise, start, gains, &mut |_| {}).unwrap().log,
+            None => likelihood(&case, noise, start).log,
+        }
+    };
+    let model = moved(&rig.model, &found.at).unwrap();
+    let case = Prepared::new(&recordings[0], &model, Settings::default()).unwrap();
+    let gains = FrozenGains::along(&case, noise, start).unwrap();
+    let information = found.covariance.clone().try_inverse().unwrap();
+    let along = |i: usize| {
+        let step = information[(i, i)].sqrt().recip();
+        let costs = |gains: Option<&FrozenGains>| {
+            [step, -step].map(|step| {
+                let mut at = found.at.clone();
+                at[i] += step;
+                with(&found.at, gains) - with(&at, gains)
+            })
+        };
+        let (whole, kept) = (costs(None), costs(Some(&gains)));
+        let differ = whole.iter().zip(kept).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        // The prior is a parabola about none.
+        let prior = [step, -step].map(|step| 0.5 * ((found.at[i] + step).powi(2) - found.at[i].powi(2)));
+        let [up, down] = [whole[0] + prior[0], whole[1] + prior[1]];
+        (0.5 * (down - up) / (down + up), differ)
+    };
+    (0..parameters.len()).map(along).collect()
+}
+
+#[test]
+fn fits_with_gains_that_are_kept_end_where_the_whole_filter_is_likeliest() {
+    let seeds = (100..130).filter(|seed| is_quick(*seed));
+    let all: Vec<(f64, f64)> = seeds.flat_map(with_either_gains).collect();
+    let n = all.len() as f64;
+    let off = (all.iter().map(|(off, _)| off * off).sum::<f64>() / n).sqrt();
+    let most = all.iter().map(|(off, _)| off.abs()).fold(0.0, f64::max);
+    let differ = all.iter().map(|(_, differ)| *differ).fold(0.0, f64::max);
+    println!(
+        "measured: {n} parameters, off by {off:.3} of a deviation (at most {most:.3}), costs differ by at most {differ:.3}"
+    );
+    assert!(all.len() > 40 && off < 0.1 && differ < 0.1, "{off} {most} {differ}");
 }
 
 /// Slow rigs that are sampled once or a few times a second for half an hour take long.

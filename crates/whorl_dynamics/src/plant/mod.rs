@@ -4,6 +4,7 @@
 //! most [`DEFAULT_STEP_NS`] that end exactly at every valve edge, whatever the phase of the step.
 
 mod command;
+mod derivatives;
 mod integrator;
 mod motion;
 mod noise;

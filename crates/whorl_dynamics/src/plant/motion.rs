@@ -4,6 +4,7 @@ use nalgebra::{DVector, SVector, Vector3};
 
 use super::tangent::Seen;
 use super::{Plant, RATE, ROTATION};
+use crate::State;
 use crate::gyrostat::Derivative;
 
 /// How a plant moves and what it reads at one instant.
@@ -61,14 +62,7 @@ impl Plant {
         }
     }
 
-    /// How it moves and what it reads now, under its present commands; valves whose time has come open and close first.
-    pub fn acts(&mut self) -> Acts {
-        let mut acts = Acts::none(self);
-        self.act_into(&mut acts);
-        acts
-    }
-
-    /// The same into what another call has left: rates of so many coordinates.
+    /// Finds how it moves and what it reads now, under its present commands; valves whose time has come open and close first.
     pub fn act_into(&mut self, acts: &mut Acts) {
         let actuators = &self.gyrostat.model().actuators;
         if actuators.next_event_ns(&self.drive.actuators) <= self.now_ns {
@@ -147,32 +141,26 @@ impl Plant {
         self.holds_wheels_of(other) && self.touching() == other.touching()
     }
 
-    /// By how much its motion differs from that of another plant: the change, in [`super::Tangent`] coordinates, that makes the
-    /// other's into its own.
-    #[must_use]
-    pub fn motion_less(&self, other: &Self) -> DVector<f64> {
-        let tangent = self.tangent();
-        let mut difference = DVector::zeros(tangent.size());
-        let turned: Vector3<f64> =
-            (other.state.q_world_body.inverse() * self.state.q_world_body).scaled_axis();
-        difference.fixed_rows_mut::<3>(ROTATION.start).copy_from(&turned);
-        let rate = self.state.omega_wb_b_rad_s - other.state.omega_wb_b_rad_s;
-        difference.fixed_rows_mut::<3>(RATE.start).copy_from(&rate);
-        let speeds = self.state.wheel_speed_rad_s().iter().zip(other.state.wheel_speed_rad_s());
+    /// By how much its motion differs from another state of the same platform: the change, in [`super::Tangent`] coordinates, that makes
+    /// that one into its own.
+    pub fn motion_less(&self, other: &State, to: &mut [f64]) {
+        let (tangent, own) = (self.tangent(), &self.state);
+        let turned: Vector3<f64> = (other.q_world_body.inverse() * own.q_world_body).scaled_axis();
+        to[ROTATION].copy_from_slice(turned.as_slice());
+        to[RATE].copy_from_slice((own.omega_wb_b_rad_s - other.omega_wb_b_rad_s).as_slice());
+        let speeds = own.wheel_speed_rad_s().iter().zip(other.wheel_speed_rad_s());
         for (i, (own, others)) in tangent.wheels().zip(speeds) {
-            difference[i] = own - others;
+            to[i] = own - others;
         }
-        let hidden = self.state.hidden.iter().zip(&other.state.hidden);
-        for (i, (own, others)) in tangent.hidden().zip(hidden) {
-            difference[i] = own - others;
+        for (i, (own, others)) in tangent.hidden().zip(own.hidden.iter().zip(&other.hidden)) {
+            to[i] = own - others;
         }
-        difference
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{UnitQuaternion, Vector3};
+    use nalgebra::{DVector, UnitQuaternion, Vector3};
 
     use crate::actuators::Kind;
     use crate::{InitialState, Plant, PlatformModel};
@@ -189,12 +177,13 @@ mod tests {
         let plant = Plant::new(&model, &start, 1).unwrap();
         let mut other = Plant::new(&model, &InitialState::default(), 1).unwrap();
         other.take_motion_of(&plant, &[0.0; 9]);
-        assert_eq!(other.motion_less(&plant).norm(), 0.0);
+        let mut found = [1.0; 9];
+        other.motion_less(plant.state(), &mut found);
+        assert_eq!(found, [0.0; 9]);
         let change = [0.01, -0.02, 0.03, 0.1, 0.2, 0.3, 1.0, 2.0, 3.0];
         other.take_motion_of(&plant, &change);
-        let found = other.motion_less(&plant);
-        assert_eq!(found.len(), change.len());
-        assert!(found.iter().zip(change).all(|(found, made)| (found - made).abs() < 1e-12), "{found}");
+        other.motion_less(plant.state(), &mut found);
+        assert!(found.iter().zip(change).all(|(found, made)| (found - made).abs() < 1e-12), "{found:?}");
     }
 
     /// What more friction of the bearing and of the wheels does within a step.
@@ -219,7 +208,9 @@ mod tests {
                 plant.command_motors(Kind::Wheels, &[0.1, -0.05, 0.02]).unwrap();
                 plant.advance_to(10_000_000).unwrap();
             }
-            other.motion_less(&one)
+            let mut found = DVector::zeros(9);
+            other.motion_less(one.state(), found.as_mut_slice());
+            found
         };
         let (fine, quick) = (difference(false), difference(true));
         assert!(fine.norm() > 1e-6 && (&quick - &fine).norm() < 1e-4 * fine.norm(), "{fine} {quick}");

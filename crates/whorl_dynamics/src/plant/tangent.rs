@@ -1,8 +1,8 @@
 //! Small changes of a plant's state: what they do to its motion and to its inertial sensors.
 //!
 //! A filter carries a plant as its mean; the covariance needs the derivative of the equations of motion by the state, and
-//! a correction must reach the state without disturbing the rest. Derivatives are central differences of the plant's own
-//! equations, so that they hold for every effect, also one that a user has written.
+//! a correction must reach the state without disturbing the rest. Where effects act, derivatives are central differences of the plant's
+//! own equations, so that they hold for every effect, also one that a user has written.
 
 use std::ops::Range;
 
@@ -147,18 +147,42 @@ impl Plant {
     }
 
     /// Derivatives in the present state, under the present commands and the present branches of contacts and dry friction; those by a
-    /// torque as well if `by_torque`.
+    /// torque as well if `by_torque`. On paper where that is all there is, else by differences.
     pub fn linearise_into(&self, found: &mut LinearisedPlant, by_torque: bool) {
-        let tangent = self.tangent();
-        let n = tangent.size();
-        let turns = self.gyrostat.model().freedom.turns() && !self.drive.clamped;
-        let omega = self.state.omega_wb_b_rad_s;
         found.rate_by_state.fill(0.0);
         found.imu_by_state.fill(0.0);
-        for i in 0..n {
-            if !turns && RATE.contains(&i) {
-                continue;
+        if !self.derive_into(found) {
+            self.difference_states(found);
+            if by_torque {
+                self.difference_torques(found);
             }
+        }
+        self.turn_with_the_body(found);
+    }
+
+    /// By central differences of the plant's own equations, whatever acts.
+    #[cfg(test)]
+    pub(super) fn difference_into(&self, found: &mut LinearisedPlant) {
+        self.difference_states(found);
+        self.difference_torques(found);
+        self.turn_with_the_body(found);
+    }
+
+    /// da/dt = dw - w x a of the rotation.
+    fn turn_with_the_body(&self, found: &mut LinearisedPlant) {
+        if self.gyrostat.model().freedom.turns() && !self.drive.clamped {
+            let turn =
+                found.rate_by_state.fixed_view::<3, 3>(0, 0) - whorl_math::skew(&self.state.omega_wb_b_rad_s);
+            found.rate_by_state.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn);
+            let free = self.gyrostat.model().freedom.projection();
+            found.rate_by_state.fixed_view_mut::<3, 3>(0, 3).copy_from(&free);
+        }
+    }
+
+    fn difference_states(&self, found: &mut LinearisedPlant) {
+        let tangent = self.tangent();
+        let turns = self.gyrostat.model().freedom.turns() && !self.drive.clamped;
+        for i in (0..tangent.size()).filter(|i| turns || !RATE.contains(i)) {
             let step = self.step_of(i);
             let [plus, minus] = [step, -step].map(|step| {
                 let mut state = self.state;
@@ -168,22 +192,10 @@ impl Plant {
             let (mut rates, mut imu) = (found.rate_by_state.column_mut(i), found.imu_by_state.column_mut(i));
             tangent.slope(&plus, &minus, step, rates.as_mut_slice(), imu.as_mut_slice());
         }
-        if turns {
-            // da/dt = dw - w x a.
-            let turn = found.rate_by_state.fixed_view::<3, 3>(0, 0) - whorl_math::skew(&omega);
-            found.rate_by_state.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn);
-            found
-                .rate_by_state
-                .fixed_view_mut::<3, 3>(0, 3)
-                .copy_from(&self.gyrostat.model().freedom.projection());
-        }
-        if by_torque {
-            self.linearise_torque(found);
-        }
     }
 
     /// The derivatives by a torque on the body; what has hidden states may follow it too.
-    fn linearise_torque(&self, to: &mut LinearisedPlant) {
+    fn difference_torques(&self, to: &mut LinearisedPlant) {
         let tangent = self.tangent();
         let mut drive = self.drive.clone();
         // In proportion to the inertia: a rate of 1 rad/s^2 on any rig.

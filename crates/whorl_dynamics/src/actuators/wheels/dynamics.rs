@@ -253,6 +253,16 @@ pub(crate) fn friction_n_m(wheel: &Wheel, speed_rad_s: f64, sense: f64) -> f64 {
     -wheel.viscous_friction_n_m_s * speed_rad_s - wheel.coulomb_friction_n_m * sense
 }
 
+/// By how much the torque of a wheel's motor and bearing changes with its speed [N m s].
+pub(crate) fn torque_by_speed_n_m_s(wheel: &Wheel, drive: &Drive, j: usize, state: &State) -> f64 {
+    let (asked_n_m, speed) = (drive.motor_torque_n_m[j], state.speed_rad_s[j]);
+    let band = SPEED_LIMIT_BAND * wheel.max_speed_rad_s;
+    let share = (wheel.max_speed_rad_s - speed.abs()) / band;
+    let is_losing = asked_n_m * speed > 0.0 && share > 0.0 && share < 1.0;
+    let of_motor = if is_losing { -asked_n_m * speed.signum() / band } else { 0.0 };
+    of_motor - wheel.viscous_friction_n_m_s
+}
+
 /// -1, 0 or 1.
 #[inline]
 pub(crate) fn sign(x: f64) -> f64 {

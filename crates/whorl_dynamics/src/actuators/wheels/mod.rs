@@ -7,7 +7,7 @@ mod plant;
 mod platform;
 
 pub use dynamics::State;
-pub(crate) use dynamics::{Drive, Forces, available_motor_torque_n_m, sign};
+pub(crate) use dynamics::{Drive, Forces, available_motor_torque_n_m, sign, torque_by_speed_n_m_s};
 
 use nalgebra::{Unit, Vector3};
 
