@@ -1,5 +1,7 @@
 //! The mean of a state on its way through a recording, and what readings are less their predictions: with any gains.
 
+use std::cell::Cell;
+
 use nalgebra::{DVector, Vector3};
 use whorl_dynamics::plant::{LinearisedPlant, Plant};
 use whorl_recording::Component;
@@ -11,6 +13,17 @@ use crate::prepared::Prepared;
 use crate::readings::Cursor;
 use crate::rows::{Readings, Seen};
 use crate::start::Start;
+
+thread_local! {
+    static INSTANTS: Cell<u64> = const { Cell::new(0) };
+}
+
+/// Instants of recordings that were gone through on this thread since it began, whatever for: over those of a recording, how many passes a
+/// computation took, on any machine.
+#[must_use]
+pub fn instants_on_this_thread() -> u64 {
+    INSTANTS.get()
+}
 
 /// A reading less what was predicted from everything before it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -127,6 +140,7 @@ impl<'a> Mean<'a> {
     /// Finds what was read at the present instant.
     pub fn find_due(&mut self, instant_ns: i64) {
         let tracks = self.case.tracks();
+        INSTANTS.set(INSTANTS.get() + 1);
         self.due.clear();
         while let Some(reading) = self.cursor.take(tracks, instant_ns) {
             self.due.push(reading);

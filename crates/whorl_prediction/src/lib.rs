@@ -77,7 +77,7 @@ pub use error::PredictionError;
 pub use fit::{Fitted, Hints, ModelAt, Rival, fit, fit_beside, hints};
 pub use fitted::{FittedStart, fitted_start};
 pub use frozen::{FrozenGains, innovations};
-pub use innovations::Innovation;
+pub use innovations::{Innovation, instants_on_this_thread};
 pub use laws::{Laws, Push};
 pub use layout::Layout;
 pub use levels::{Followed, follow, follow_again};

@@ -1,9 +1,13 @@
 //! Every set that was fitted, as it is written.
 
 use whorl_dynamics::PlatformModel;
+use whorl_prediction::instants_on_this_thread;
 
 use super::generator::{map, record, wrong_model};
 use crate::{FittedSet, Options, Settings, Verdict, diagnose};
+
+/// Passes over its recordings that a diagnosis of one effect may take: a tenth more than it took when this was written.
+const MOST_PASSES: f64 = 400.0;
 
 #[test]
 fn sets_that_were_fitted_are_read_back_with_their_worth() {
@@ -11,8 +15,16 @@ fn sets_that_were_fitted_are_read_back_with_their_worth() {
     truth.effects = map(&[("bearing_viscous_friction", &[("c_n_m_s", 0.05)])]);
     let run = |seed| record(&truth, seed, 50.0, None);
     let (model, prior) = wrong_model(&truth, 3);
-    let diagnosis =
-        diagnose(&[run(30)], &[run(31)], &model, &prior, &Options::default(), &mut |_| {}).unwrap();
+    // On one thread, which counts how often it went through the recordings.
+    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let (diagnosis, instants) = alone.install(|| {
+        let before = instants_on_this_thread();
+        let found = diagnose(&[run(30)], &[run(31)], &model, &prior, &Options::default(), &mut |_| {}).unwrap();
+        (found, instants_on_this_thread() - before)
+    });
+    let passes = instants as f64 / (2.0 * run(30).gyro_b_rad_s.time_s.len() as f64);
+    println!("measured: {passes:.0} passes over both recordings");
+    assert!(passes < MOST_PASSES, "{passes}");
     assert_eq!(diagnosis.verdict, Verdict::Named, "{:?}", diagnosis.explanations);
     let text: String =
         diagnosis.fitted.iter().map(|set| serde_json::to_string(set).unwrap() + "\n").collect();
