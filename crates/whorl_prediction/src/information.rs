@@ -1,22 +1,23 @@
-//! The information that innovations bring, gathered so many at a time: products of large matrices take less time.
+//! The information that innovations bring, gathered so many at a time.
 
 use nalgebra::DMatrix;
 
 /// Innovations that are added together.
 const TOGETHER: usize = 64;
-/// Rows and columns of the blocks in which a sum is made, of which one half is the other's mirror.
-const BLOCK: usize = 32;
+/// Rows and columns of the tiles in which a sum is made: as much as a processor's registers hold.
+const TILE: [usize; 2] = [4, 8];
 
 /// Sum of d d^T / S over innovations of variance S, d how each changes with parameters and laws.
 #[derive(Debug, Clone)]
 pub(crate) struct Information {
-    /// The lower half.
-    sum: DMatrix<f64>,
-    /// d / sqrt(S) of those that are not in it yet, a column each, and how many these are.
-    waiting: DMatrix<f64>,
     count: usize,
-    /// First and last but one of every block.
-    blocks: Vec<(usize, usize)>,
+    /// The same in whole tiles.
+    padded: usize,
+    /// The lower half, row by row.
+    sum: Vec<f64>,
+    /// d / sqrt(S) of those that are not in it yet, a row each, and how many these are.
+    waiting: Vec<f64>,
+    waits: usize,
     /// The first that is a law, and laws so far from each other that nobody asks for their product.
     first_law: usize,
     apart: usize,
@@ -25,15 +26,14 @@ pub(crate) struct Information {
 impl Information {
     /// Of so many parameters, and behind them laws, of which those `apart` take no part together.
     pub fn new(parameters: usize, laws: usize, apart: usize) -> Self {
-        let size = parameters + laws;
-        let of = |from: usize, to: usize| {
-            (from..to).step_by(BLOCK).map(move |first| (first, (first + BLOCK).min(to)))
-        };
+        let count = parameters + laws;
+        let padded = count.next_multiple_of(TILE[1]);
         Self {
-            sum: DMatrix::zeros(size, size),
-            waiting: DMatrix::zeros(size, TOGETHER),
-            count: 0,
-            blocks: of(0, parameters).chain(of(parameters, size)).collect(),
+            count,
+            padded,
+            sum: vec![0.0; padded * padded],
+            waiting: vec![0.0; padded * TOGETHER],
+            waits: 0,
             first_law: parameters,
             apart,
         }
@@ -41,39 +41,50 @@ impl Information {
 
     /// Room for d / sqrt(S) of another innovation, which is in the sum once it is [`Self::added`].
     pub fn next(&mut self) -> &mut [f64] {
-        let size = self.sum.nrows();
-        &mut self.waiting.as_mut_slice()[self.count * size..(self.count + 1) * size]
+        let from = self.waits * self.padded;
+        &mut self.waiting[from..from + self.count]
     }
 
     /// The innovation is as it should be.
     pub fn added(&mut self) {
-        self.count += 1;
-        if self.count == TOGETHER {
+        self.waits += 1;
+        if self.waits == TOGETHER {
             self.gather();
         }
     }
 
     fn gather(&mut self) {
-        let waiting = self.waiting.columns(0, self.count);
-        let across = waiting.transpose();
-        for (k, &(row, row_end)) in self.blocks.iter().enumerate() {
-            for &(column, column_end) in &self.blocks[..=k] {
-                if column >= self.first_law && row + 1 > column_end + self.apart {
+        pulp::Arch::new().dispatch(|| self.gather_tiles());
+    }
+
+    #[inline(always)]
+    fn gather_tiles(&mut self) {
+        let Self { padded, sum, waiting, waits, first_law, apart, .. } = self;
+        for i in (0..*padded).step_by(TILE[0]) {
+            for j in (0..i + TILE[0]).step_by(TILE[1]) {
+                if j >= *first_law && i >= j + TILE[1] + *apart {
                     continue;
                 }
-                let (rows, columns) = (row_end - row, column_end - column);
-                let mut block = self.sum.view_mut((row, column), (rows, columns));
-                block.gemm(1.0, &waiting.rows(row, rows), &across.columns(column, columns), 1.0);
+                let mut tile = [[0.0; TILE[1]]; TILE[0]];
+                for row in waiting.chunks_exact(*padded).take(*waits) {
+                    let across: [f64; TILE[1]] = std::array::from_fn(|k| row[j + k]);
+                    for (to, x) in tile.iter_mut().zip(&row[i..i + TILE[0]]) {
+                        to.iter_mut().zip(&across).for_each(|(to, y)| *to += x * y);
+                    }
+                }
+                for (k, of) in tile.iter().enumerate() {
+                    let from = (i + k) * *padded + j;
+                    sum[from..from + TILE[1]].iter_mut().zip(of).for_each(|(sum, of)| *sum += of);
+                }
             }
         }
-        self.count = 0;
+        *waits = 0;
     }
 
     /// The sum over all so far.
     pub fn sum(mut self) -> DMatrix<f64> {
         self.gather();
-        self.sum.fill_upper_triangle_with_lower_triangle();
-        self.sum
+        DMatrix::from_fn(self.count, self.count, |i, k| self.sum[i.max(k) * self.padded + i.min(k)])
     }
 }
 

@@ -46,8 +46,9 @@ settings! {
     /// midpoint rule then errs by less than its cube over twelve, 1e-4 of a covariance's change.
     covariance_step: f64 = 0.1;
     /// Derivatives are held while attitude and rate are no further away than this \[rad\], rates against the fastest motion: a
-    /// gain then errs by about as much.
-    derivatives_held: f64 = 0.05;
+    /// gain then errs by about as much. Where they are made anew depends on the parameters, and the likelihood jumps there by as much as
+    /// gains change: at 0.05 by nats, at this by less than what counts as evidence.
+    derivatives_held: f64 = 0.01;
     /// How far the attitude may be from the guess at the start, standard deviation about each axis \[rad\]: that of an
     /// angle of which nothing is known, pi over the root of three.
     start_attitude_rad: f64 = std::f64::consts::PI / 3f64.sqrt();

@@ -93,10 +93,9 @@ fn judged(seeds: impl Iterator<Item = u64>) -> (f64, f64) {
     (mean * n.sqrt(), (stddev - 1.0) * (2.0 * n).sqrt())
 }
 
-/// With gains that were made where a fit ends, and with those that the filter makes anew at every place: how far from the fit's end the
-/// latter is likeliest along each parameter, in deviations given the others, and by how much the two differ in what a deviation to
-/// either side costs [natural logarithm].
-fn with_either_gains(seed: u64) -> Vec<(f64, f64)> {
+/// What a deviation to either side along each parameter costs, with gains that were kept and with those that the filter makes anew at
+/// every place: by how much the two differ at most [natural logarithm].
+fn costs_differ(seed: u64) -> Vec<f64> {
     let rig = rigs::drawn_as(seed, &|model: &PlatformModel, draw: &mut Draw| {
         let truth: Vec<f64> = (0..count(model)).map(|_| draw.normal()).collect();
         moved(model, &truth).unwrap()
@@ -107,49 +106,44 @@ fn with_either_gains(seed: u64) -> Vec<(f64, f64)> {
     let from = vec![0.0; parameters.len()];
     let found = fit(&recordings, &parameters, &model_at, &[from], &Settings::default()).unwrap();
     let (noise, start) = (&found.followed[0].noise, &found.followed[0].fitted.start);
+    // Where derivatives that are held are made anew depends on the model: a jump of what the whole filter says, and no difference.
+    let settings = Settings { derivatives_held: 0.0, ..Settings::default() };
     let with = |at: &[f64], gains: Option<&FrozenGains>| {
         let model = moved(&rig.model, at).unwrap();
-        let case = Prepared::new(&recordings[0], &model, Settings::default()).unwrap();
+        let case = Prepared::new(&recordings[0], &model, settings).unwrap();
         match gains {
             Some(gains) => innovations(&case, noise, start, gains, &mut |_| {}).unwrap().log,
             None => likelihood(&case, noise, start).log,
         }
     };
     let model = moved(&rig.model, &found.at).unwrap();
-    let case = Prepared::new(&recordings[0], &model, Settings::default()).unwrap();
+    let case = Prepared::new(&recordings[0], &model, settings).unwrap();
     let gains = FrozenGains::along(&case, noise, start).unwrap();
     let information = found.covariance.clone().try_inverse().unwrap();
-    let along = |i: usize| {
+    let differ = |i: usize| {
+        // A deviation given the others.
         let step = information[(i, i)].sqrt().recip();
-        let costs = |gains: Option<&FrozenGains>| {
-            [step, -step].map(|step| {
-                let mut at = found.at.clone();
-                at[i] += step;
-                with(&found.at, gains) - with(&at, gains)
-            })
+        let cost = |step: f64, gains: Option<&FrozenGains>| {
+            let mut at = found.at.clone();
+            at[i] += step;
+            with(&found.at, gains) - with(&at, gains)
         };
-        let (whole, kept) = (costs(None), costs(Some(&gains)));
-        let differ = whole.iter().zip(kept).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        // The prior is a parabola about none.
-        let prior = [step, -step].map(|step| 0.5 * ((found.at[i] + step).powi(2) - found.at[i].powi(2)));
-        let [up, down] = [whole[0] + prior[0], whole[1] + prior[1]];
-        (0.5 * (down - up) / (down + up), differ)
+        [step, -step]
+            .map(|step| (cost(step, None) - cost(step, Some(&gains))).abs())
+            .into_iter()
+            .fold(0.0, f64::max)
     };
-    (0..parameters.len()).map(along).collect()
+    (0..parameters.len()).map(differ).collect()
 }
 
+/// What is gained or lost by the change of gains is far from evidence worth a mention.
 #[test]
-fn fits_with_gains_that_are_kept_end_where_the_whole_filter_is_likeliest() {
-    let seeds = (100..130).filter(|seed| is_quick(*seed));
-    let all: Vec<(f64, f64)> = seeds.flat_map(with_either_gains).collect();
-    let n = all.len() as f64;
-    let off = (all.iter().map(|(off, _)| off * off).sum::<f64>() / n).sqrt();
-    let most = all.iter().map(|(off, _)| off.abs()).fold(0.0, f64::max);
-    let differ = all.iter().map(|(_, differ)| *differ).fold(0.0, f64::max);
-    println!(
-        "measured: {n} parameters, off by {off:.3} of a deviation (at most {most:.3}), costs differ by at most {differ:.3}"
-    );
-    assert!(all.len() > 40 && off < 0.1 && differ < 0.1, "{off} {most} {differ}");
+fn gains_that_are_kept_say_what_the_whole_filter_says() {
+    let all: Vec<f64> = (100..130).filter(|seed| is_quick(*seed)).flat_map(costs_differ).collect();
+    let most = all.iter().copied().fold(0.0, f64::max);
+    let root_mean_square = (all.iter().map(|x| x * x).sum::<f64>() / all.len() as f64).sqrt();
+    println!("measured: {} parameters, costs differ by {root_mean_square:.3}, at most {most:.3}", all.len());
+    assert!(all.len() > 40 && root_mean_square < 0.05 && most < 0.2, "{root_mean_square} {most}");
 }
 
 /// Slow rigs that are sampled once or a few times a second for half an hour take long.

@@ -19,7 +19,8 @@ fn sets_that_were_fitted_are_read_back_with_their_worth() {
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let (diagnosis, instants) = alone.install(|| {
         let before = instants_on_this_thread();
-        let found = diagnose(&[run(30)], &[run(31)], &model, &prior, &Options::default(), &mut |_| {}).unwrap();
+        let found =
+            diagnose(&[run(30)], &[run(31)], &model, &prior, &Options::default(), &mut |_| {}).unwrap();
         (found, instants_on_this_thread() - before)
     });
     let passes = instants as f64 / (2.0 * run(30).gyro_b_rad_s.time_s.len() as f64);
