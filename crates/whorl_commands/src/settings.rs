@@ -101,7 +101,8 @@ mod tests {
         changed.set("model_discrepancies", &[0.0, 0.02, 0.06, 0.2]).unwrap();
         let text = as_yaml(&changed);
         assert_eq!(read_text(&text).unwrap(), changed);
-        assert!(text.lines().all(|line| line.chars().count() <= WIDTH + 4), "{text}");
+        // Before a line of the predictor stand six characters.
+        assert!(text.lines().all(|line| line.chars().count() <= WIDTH + 6), "{text}");
         // Those of the predictor are shown, and not set.
         for line in [
             "#   start_passes: 12",

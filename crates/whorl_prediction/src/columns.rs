@@ -197,7 +197,9 @@ impl<'a> Columns<'a> {
         }
         *before = others.iter().any(Other::is_late).then(|| (*plant.state(), plant.now_ns()));
         let jets_rest = is_simple && reference.plant.jets_rest();
-        let any_torque = is_simple && others.iter().any(|other| other.differs == Differs::InTorque);
+        // The bearing's own stop is as stiff as the body is heavy: while it touches, inertia is no torque alone.
+        let is_free = is_simple && !plant.touching()[0];
+        let any_torque = is_free && others.iter().any(|other| other.differs == Differs::InTorque);
         let environment = any_torque.then(|| plant.environment());
         let wheels = plant.tangent().wheels().len();
         for (k, other) in others.iter_mut().enumerate() {
@@ -209,7 +211,7 @@ impl<'a> Columns<'a> {
                 other.push(environment, wheels);
                 continue;
             }
-            if is_simple && other.differs != Differs::WithinSteps {
+            if is_simple && !matches!(other.differs, Differs::WithinSteps | Differs::InTorque) {
                 if jets_rest && other.differs == Differs::InJets && other.with.is_steady_until(case, end_ns) {
                     continue;
                 }

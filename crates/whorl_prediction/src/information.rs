@@ -54,7 +54,10 @@ impl Information {
     }
 
     fn gather(&mut self) {
-        pulp::Arch::new().dispatch(|| self.gather_tiles());
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || self.gather_tiles(),
+        );
     }
 
     #[inline(always)]

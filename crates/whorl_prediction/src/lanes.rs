@@ -164,10 +164,10 @@ macro_rules! wide {
     ($width:expr, $function:ident($($argument:expr),*)) => {{
         let processor = pulp::Arch::new();
         match $width {
-            16 => processor.dispatch(|| $function::<16>($($argument),*)),
-            24 => processor.dispatch(|| $function::<24>($($argument),*)),
-            32 => processor.dispatch(|| $function::<32>($($argument),*)),
-            _ => processor.dispatch(|| $function::<64>($($argument),*)),
+            16 => processor.dispatch(#[inline(always)] || $function::<16>($($argument),*)),
+            24 => processor.dispatch(#[inline(always)] || $function::<24>($($argument),*)),
+            32 => processor.dispatch(#[inline(always)] || $function::<32>($($argument),*)),
+            _ => processor.dispatch(#[inline(always)] || $function::<64>($($argument),*)),
         }
     }};
 }

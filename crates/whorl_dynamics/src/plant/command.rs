@@ -8,8 +8,6 @@ use thiserror::Error;
 use super::{Plant, PlantError};
 use crate::actuators::Kind;
 use crate::gyrostat::Fading;
-#[allow(unused_imports, reason = "named in documentation")]
-use crate::gyrostat::MAX_DISTURBANCES;
 
 /// Why a command was refused. The plant is then unchanged.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -86,7 +84,7 @@ impl Plant {
         }
     }
 
-    /// Sets one of up to [`MAX_DISTURBANCES`] torques on the body that nobody commands, beside [`Self::set_body_torque`], body axes
+    /// Sets one of up to three torques on the body that nobody commands, beside [`Self::set_body_torque`], body axes
     /// [N m]: a filter's estimate of it, which fades at this rate from now on [1/s]. Ignored if it is not finite, or one too many.
     pub fn set_disturbance(&mut self, which: usize, torque_b_n_m: Vector3<f64>, rate_1_s: f64) {
         let since_s = self.time_s();

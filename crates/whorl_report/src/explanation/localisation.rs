@@ -167,7 +167,7 @@ fn shape(d: &Dependence, title: &str) -> Figure {
 /// The torques over time: on the body in both frames, and of the motors; those that there are.
 fn over_time(torques: &UnexplainedTorques, wheels: &[&str]) -> Vec<Figure> {
     let mut figures = Vec::new();
-    if torques.levels.stddev_b_n_m.iter().any(|level| *level > 0.0) {
+    if torques.levels.body_stddev_b_n_m().iter().any(|level| *level > 0.0) {
         figures.extend([Frame::Body, Frame::World].map(|frame| body_over_time(torques, frame)));
     }
     let motors =
