@@ -5,9 +5,6 @@
 
 use nalgebra::DVector;
 
-use crate::frozen::FrozenGains;
-use crate::sums::{Sums, Widening};
-
 /// Bytes that are kept of a recording at most: six minutes at 100 Hz of nine numbers and 70 parameters. Longer ones are gone through with
 /// columns each time.
 const MOST_BYTES: usize = 96 << 20;
@@ -21,6 +18,11 @@ pub(crate) struct Design {
 }
 
 impl Design {
+    /// No slope yet.
+    pub fn no_slope(&self) -> DVector<f64> {
+        DVector::zeros(self.parameters)
+    }
+
     /// Of a recording with so many numbers; `None` if that is too much to keep.
     pub fn new(parameters: usize, numbers: usize) -> Option<Self> {
         let size = parameters.checked_mul(numbers).filter(|size| *size > 0 && size * 4 <= MOST_BYTES)?;
@@ -36,28 +38,5 @@ impl Design {
     pub fn add_slope(&self, n: usize, normalised: f64, slope: &mut DVector<f64>) {
         let row = self.rows.get(n * self.parameters..).unwrap_or_default();
         slope.iter_mut().zip(row).for_each(|(slope, d)| *slope -= normalised * f64::from(*d));
-    }
-}
-
-/// A design matrix, and what else of the pass does not depend on the innovations.
-#[derive(Debug, Clone)]
-pub(crate) struct Kept {
-    /// Columns of the state at the start, then those of the parameters.
-    pub design: Design,
-    pub gains: FrozenGains,
-    pub sums: Sums,
-    pub widening: Widening,
-}
-
-impl Kept {
-    /// No slope yet.
-    pub fn no_slope(&self) -> DVector<f64> {
-        DVector::zeros(self.design.parameters)
-    }
-
-    /// The sums of a pass close by with this slope, which says this of its start.
-    pub fn sums(&self, slope: &DVector<f64>, shift: &DVector<f64>) -> Sums {
-        let (states, parameters) = self.sums.of_start.shape();
-        Sums { slope: slope.rows(states, parameters) + &self.widening.of_slope * shift, ..self.sums.clone() }
     }
 }

@@ -7,10 +7,10 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::claims::Claims;
 use crate::columns::Columns;
-use crate::frozen::Recorder;
 use crate::gains::Gains;
 use crate::guess::known_biases;
 use crate::innovations::{Innovation, Mean};
+use crate::kept_gains::Recorder;
 use crate::noise::Noise;
 use crate::prepared::Prepared;
 use crate::rows::Readings;

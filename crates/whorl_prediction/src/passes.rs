@@ -5,11 +5,12 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use crate::columns::Columns;
-use crate::design::{Design, Kept};
+use crate::design::Design;
 use crate::error::PredictionError;
 use crate::filter::Filter;
 use crate::from_start::FromStart;
-use crate::frozen::{FrozenPass, Recorder};
+use crate::frozen::FrozenPass;
+use crate::kept_gains::{FrozenGains, Recorder};
 use crate::laws::Laws;
 use crate::likelihood::Likelihood;
 use crate::noise::Noise;
@@ -17,7 +18,7 @@ use crate::other::Varied;
 use crate::parameter::Parameter;
 use crate::prepared::Prepared;
 use crate::start::Start;
-use crate::sums::Sums;
+use crate::sums::{Sums, Widening};
 
 /// What a pass over a recording says.
 pub(crate) struct Pass {
@@ -27,6 +28,24 @@ pub(crate) struct Pass {
     pub sums: Sums,
     /// How innovations change with the parameters here or close by, for passes near this one.
     kept: Option<Arc<Kept>>,
+}
+
+/// A design matrix, and what else of the pass does not depend on the innovations.
+#[derive(Debug, Clone)]
+pub(crate) struct Kept {
+    /// Columns of the state at the start, then those of the parameters.
+    pub design: Design,
+    pub gains: FrozenGains,
+    pub sums: Sums,
+    pub widening: Widening,
+}
+
+impl Kept {
+    /// The sums of a pass close by with this slope, which says this of its start.
+    pub fn sums(&self, slope: &DVector<f64>, shift: &DVector<f64>) -> Sums {
+        let (states, parameters) = self.sums.of_start.shape();
+        Sums { slope: slope.rows(states, parameters) + &self.widening.of_slope * shift, ..self.sums.clone() }
+    }
 }
 
 /// Passes over all recordings at one place.
@@ -123,7 +142,7 @@ pub(crate) fn pass_near(case: &Prepared<'_>, noise: &Noise, start: &Start, kept:
 fn pass_with_gains(case: &Prepared<'_>, noise: &Noise, start: &Start, kept: &Arc<Kept>) -> Option<Pass> {
     let mut filter = FrozenPass::new(case, noise, start, &kept.gains);
     let mut likelihood = Likelihood::begun(filter.log_known);
-    let mut slope = kept.no_slope();
+    let mut slope = kept.design.no_slope();
     while filter.step(&mut |innovation| {
         kept.design.add_slope(likelihood.numbers, innovation.normalised(), &mut slope);
         likelihood.add(innovation);

@@ -8,7 +8,7 @@ use std::cell::Cell;
 use nalgebra::Vector3;
 use whorl_dynamics::{InitialState, Plant, PlatformModel};
 use whorl_prediction::{
-    Disturbance, FrozenGains, Noise, Prepared, RandomTorque, Settings, Start, Told, Varied, innovations,
+    Disturbance, Noise, Prepared, RandomTorque, Settings, Start, Told, Varied, frozen_gains, innovations,
     predict, sensitivities,
 };
 use whorl_recording::{OnInterval, Recording};
@@ -76,7 +76,7 @@ fn a_pass_takes_no_memory_on_its_way() {
         let disturbance = Disturbance { body, motors_n_m: vec![1e-4; 3], motors_correlation_s: 1.0 };
         let noise = Noise { disturbance, ..Noise::stated(&case).unwrap() };
         let start = Start::wide(&case, &noise);
-        let gains = FrozenGains::along(&case, &noise, &start).unwrap();
+        let gains = frozen_gains(&case, &noise, &start).unwrap();
         let seen = Cell::new(0);
         let count = |pass: &dyn Fn()| {
             seen.set(0);

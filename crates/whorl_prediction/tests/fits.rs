@@ -10,8 +10,8 @@ use nalgebra::Vector3;
 use rigs::Draw;
 use whorl_dynamics::{MassProperties, PlatformModel};
 use whorl_prediction::{
-    FrozenGains, Noise, Parameter, Prepared, Settings, Told, Varied, fit, fitted_start, innovations,
-    likelihood, predict, sensitivities,
+    FrozenGains, Noise, Parameter, Prepared, Settings, Told, Varied, fit, fitted_start, frozen_gains,
+    innovations, likelihood, predict, sensitivities,
 };
 
 /// What of a rig is uncertain, each in standard deviations of what is known before.
@@ -118,7 +118,7 @@ fn costs_differ(seed: u64) -> Vec<f64> {
     };
     let model = moved(&rig.model, &found.at).unwrap();
     let case = Prepared::new(&recordings[0], &model, settings).unwrap();
-    let gains = FrozenGains::along(&case, noise, start).unwrap();
+    let gains = frozen_gains(&case, noise, start).unwrap();
     let information = found.covariance.clone().try_inverse().unwrap();
     let differ = |i: usize| {
         // A deviation given the others.

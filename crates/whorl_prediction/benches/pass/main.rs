@@ -12,7 +12,7 @@ use processor::{ProcessorTime, instants};
 use whorl_dynamics::effects::{Role, catalogue};
 use whorl_dynamics::{Gyrostat, InitialState, Plant, PlatformModel};
 use whorl_prediction::{
-    Disturbance, FrozenGains, Noise, Prepared, RandomTorque, Settings, Start, Varied, fitted_start,
+    Disturbance, Noise, Prepared, RandomTorque, Settings, Start, Varied, fitted_start, frozen_gains,
     innovations, predict, sensitivities,
 };
 use whorl_recording::{OnInterval, Recording};
@@ -83,7 +83,7 @@ fn pass(c: &mut Criterion<ProcessorTime>) {
     let noise = Noise { disturbance, ..stated };
     let start: Start = fitted_start(&case, &noise).start;
     let varied = varied(&model);
-    let gains = FrozenGains::along(&case, &noise, &start).expect("a motion without end");
+    let gains = frozen_gains(&case, &noise, &start).expect("a motion without end");
     let mut group = c.benchmark_group("an instant of six minutes at 100 Hz");
     group.throughput(instants(SAMPLES));
     group.sample_size(10);
