@@ -74,7 +74,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         let [a, b] = d
             .rms_rad
             .map(|(rms, error)| json!({"rms_deg": deg_from_rad(rms), "stddev_deg": deg_from_rad(error)}));
-        json!({"pair": d.pair, "run": shown(&paths[d.other]), "relative_error": [a, b], "significant": d.significant})
+        json!({"pair": d.pair, "run": shown(paths[d.other]), "relative_error": [a, b], "significant": d.significant})
     };
     let parameter = |p: &ParameterDifference| json!({"key": p.key, "nodes": p.nodes, "values": p.values});
     arguments.json.write(|| {

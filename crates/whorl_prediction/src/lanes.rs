@@ -10,6 +10,8 @@
 //!
 //! with the derivatives h_r of the readings of one instant, one after the other, and their gains k_r.
 
+#![expect(clippy::needless_range_loop, reason = "rows and columns of the same matrix go by their index")]
+
 use nalgebra::{DMatrix, Vector3};
 
 /// Widths of rows: multiples of what processors handle at once. Columns of parameters go by blocks of [`BLOCK`].

@@ -202,7 +202,7 @@ impl Torque {
         let of = other.model();
         let same_mass = own.model().mass_properties.mass_kg() == of.mass_properties.mass_kg();
         let alike = PlatformModel {
-            mass_properties: of.mass_properties.clone(),
+            mass_properties: of.mass_properties,
             effects: of.effects.clone(),
             ..own.model().clone()
         };
