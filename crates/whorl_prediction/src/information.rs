@@ -1,6 +1,7 @@
 //! The information that innovations bring, gathered so many at a time.
 
 use nalgebra::DMatrix;
+use pulp::NullaryFnOnce;
 
 /// Innovations that are added together.
 const TOGETHER: usize = 64;
@@ -54,40 +55,51 @@ impl Information {
     }
 
     fn gather(&mut self) {
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || self.gather_tiles(),
-        );
-    }
-
-    #[inline(always)]
-    fn gather_tiles(&mut self) {
-        let Self { padded, sum, waiting, waits, first_law, apart, .. } = self;
-        for i in (0..*padded).step_by(TILE[0]) {
-            for j in (0..i + TILE[0]).step_by(TILE[1]) {
-                if j >= *first_law && i >= j + TILE[1] + *apart {
-                    continue;
-                }
-                let mut tile = [[0.0; TILE[1]]; TILE[0]];
-                for row in waiting.chunks_exact(*padded).take(*waits) {
-                    let across: [f64; TILE[1]] = std::array::from_fn(|k| row[j + k]);
-                    for (to, x) in tile.iter_mut().zip(&row[i..i + TILE[0]]) {
-                        to.iter_mut().zip(&across).for_each(|(to, y)| *to += x * y);
-                    }
-                }
-                for (k, of) in tile.iter().enumerate() {
-                    let from = (i + k) * *padded + j;
-                    sum[from..from + TILE[1]].iter_mut().zip(of).for_each(|(sum, of)| *sum += of);
-                }
-            }
-        }
-        *waits = 0;
+        pulp::Arch::new().dispatch(Gather(self));
     }
 
     /// The sum over all so far.
     pub fn sum(mut self) -> DMatrix<f64> {
         self.gather();
         DMatrix::from_fn(self.count, self.count, |i, k| self.sum[i.max(k) * self.padded + i.min(k)])
+    }
+}
+
+/// Adds what waits, compiled for each kind of processor.
+struct Gather<'a>(&'a mut Information);
+
+impl NullaryFnOnce for Gather<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Information { padded, sum, waiting, waits, first_law, apart, .. } = self.0;
+        let [tall, wide] = TILE;
+        for i in 0..*padded / tall {
+            for j in 0..=i * tall / wide {
+                let (i, j) = (i * tall, j * wide);
+                if j >= *first_law && i >= j + wide + *apart {
+                    continue;
+                }
+                let mut tile = [[0.0; TILE[1]]; TILE[0]];
+                for n in 0..*waits {
+                    let row = &waiting[n * *padded..(n + 1) * *padded];
+                    let (down, across) = (&row[i..i + tall], &row[j..j + wide]);
+                    for k in 0..TILE[0] {
+                        for l in 0..TILE[1] {
+                            tile[k][l] += down[k] * across[l];
+                        }
+                    }
+                }
+                for k in 0..TILE[0] {
+                    let sum = &mut sum[(i + k) * *padded + j..][..TILE[1]];
+                    for l in 0..TILE[1] {
+                        sum[l] += tile[k][l];
+                    }
+                }
+            }
+        }
+        *waits = 0;
     }
 }
 

@@ -13,6 +13,7 @@
 #![expect(clippy::needless_range_loop, reason = "rows and columns of the same matrix go by their index")]
 
 use nalgebra::{DMatrix, Vector3};
+use pulp::NullaryFnOnce;
 
 /// Widths of rows: multiples of what processors handle at once. Columns of parameters go by blocks of [`BLOCK`].
 const WIDTHS: [usize; 4] = [16, 24, 32, 64];
@@ -83,7 +84,11 @@ impl Sparse {
 /// The product of a row with a state.
 #[inline(always)]
 pub(crate) fn dot(row: &[(usize, f64)], state: &[f64]) -> f64 {
-    row.iter().map(|(i, x)| x * state[*i]).sum()
+    let mut sum = 0.0;
+    for (i, x) in row {
+        sum += x * state[*i];
+    }
+    sum
 }
 
 /// How the readings of an instant change the state, one after the other.
@@ -121,9 +126,15 @@ impl Gain {
     /// How a reading's prediction has been changed by those before it, per their innovations.
     #[inline(always)]
     pub fn couplings(&self, reading: usize) -> &[f64] {
-        let first = reading * reading.saturating_sub(1) / 2;
+        let first = first_coupling(reading);
         &self.couplings[first..first + reading]
     }
+}
+
+/// Where the couplings of a reading begin.
+#[inline(always)]
+fn first_coupling(reading: usize) -> usize {
+    reading * reading.saturating_sub(1) / 2
 }
 
 impl Gain {
@@ -161,15 +172,16 @@ pub(crate) struct Lanes {
     spare: Vec<f64>,
 }
 
-/// Calls a function that has the width as a constant, compiled for each kind of processor.
+/// Runs a kernel that has the width as a constant, compiled for each kind of processor. A kernel is a value and no closure: what calls a
+/// closure is compiled for the least of all processors.
 macro_rules! wide {
-    ($width:expr, $function:ident($($argument:expr),*)) => {{
+    ($width:expr, $kernel:ident { $($field:ident: $value:expr),* }) => {{
         let processor = pulp::Arch::new();
         match $width {
-            16 => processor.dispatch(#[inline(always)] || $function::<16>($($argument),*)),
-            24 => processor.dispatch(#[inline(always)] || $function::<24>($($argument),*)),
-            32 => processor.dispatch(#[inline(always)] || $function::<32>($($argument),*)),
-            _ => processor.dispatch(#[inline(always)] || $function::<64>($($argument),*)),
+            16 => processor.dispatch($kernel::<16> { $($field: $value),* }),
+            24 => processor.dispatch($kernel::<24> { $($field: $value),* }),
+            32 => processor.dispatch($kernel::<32> { $($field: $value),* }),
+            _ => processor.dispatch($kernel::<64> { $($field: $value),* }),
         }
     }};
 }
@@ -236,7 +248,7 @@ impl Lanes {
     pub fn carry(&mut self, transition: &Sparse) {
         let Self { width, data, spare } = self;
         spare.resize(data.len(), 0.0);
-        wide!(*width, carry(data, spare, transition));
+        wide!(*width, Carry { data: data, spare: spare, transition: transition });
     }
 
     /// Rows of an attitude without what is about an axis.
@@ -255,7 +267,7 @@ impl Lanes {
         let Self { width, data, spare } = self;
         spare.resize(2 * data.len(), 0.0);
         let noise = noise.map_or(&[][..], |noise| &noise.data);
-        wide!(*width, grow(data, spare, transition, noise));
+        wide!(*width, Grow { data: data, spare: spare, transition: transition, noise: noise });
     }
 
     /// A covariance without turns about an axis.
@@ -274,22 +286,22 @@ impl Lanes {
         spare.clear();
         spare.resize(readings.count() * *width, 0.0);
         gain.clear(data.len() / *width);
-        wide!(*width, correct(data, spare, readings, own, gain))
+        wide!(*width, Correct { data: data, spare: spare, readings: readings, own: own, gain: gain })
     }
 
     /// Takes readings into sensitivities: `d` has how they change where the state does not, and afterwards how their innovations do.
     pub fn take_in(&mut self, readings: &Sparse, gain: &Gain, d: &mut Self) {
-        wide!(self.width, take_in(&mut self.data, readings, gain, &mut d.data));
+        wide!(self.width, TakeIn { data: &mut self.data, readings: readings, gain: gain, d: &mut d.data });
     }
 
     /// X <- scale A X into another, without a one in A.
     pub fn multiply(&self, a: &Sparse, scale: f64, to: &mut Self) {
-        wide!(self.width, multiply(&self.data, a, scale, &mut to.data));
+        wide!(self.width, Multiply { data: &self.data, a: a, scale: scale, to: &mut to.data });
     }
 
     /// X + X^T of the first rows and columns, into another.
     pub fn add_transposed(&self, size: usize, to: &mut Self) {
-        wide!(self.width, add_transposed(&self.data, size, &mut to.data));
+        wide!(self.width, AddTransposed { data: &self.data, size: size, to: &mut to.data });
     }
 
     /// Adds another of the same shape.
@@ -316,144 +328,232 @@ impl Lanes {
 
 #[inline(always)]
 fn add_scaled<const W: usize>(to: &mut [f64; W], x: f64, of: &[f64; W]) {
-    for (to, of) in to.iter_mut().zip(of) {
-        *to += x * of;
+    for c in 0..W {
+        to[c] += x * of[c];
     }
 }
 
+/// Adds a row's product with other rows.
 #[inline(always)]
-fn carry<const W: usize>(data: &mut [f64], spare: &mut [f64], transition: &Sparse) {
-    let (x, behind) = (data.as_chunks_mut::<W>().0, spare.as_chunks_mut::<W>().0);
-    for ((row, to), own) in transition.rows().zip(behind.iter_mut()).zip(x.iter()) {
-        let mut sum = *own;
-        row.iter().for_each(|(k, f)| add_scaled(&mut sum, *f, &x[*k]));
-        *to = sum;
-    }
-    let moving = transition.count();
-    x[..moving].copy_from_slice(&behind[..moving]);
-}
-
-#[inline(always)]
-fn multiply<const W: usize>(data: &[f64], a: &Sparse, scale: f64, to: &mut [f64]) {
-    let (x, to) = (data.as_chunks::<W>().0, to.as_chunks_mut::<W>().0);
-    for (row, to) in a.rows().zip(to) {
-        let mut sum = [0.0; W];
-        row.iter().for_each(|(k, f)| add_scaled(&mut sum, scale * f, &x[*k]));
-        *to = sum;
+fn add_rows<const W: usize>(to: &mut [f64; W], row: &[(usize, f64)], of: &[[f64; W]]) {
+    for (k, x) in row {
+        add_scaled(to, *x, &of[*k]);
     }
 }
 
-#[inline(always)]
-fn add_transposed<const W: usize>(data: &[f64], size: usize, to: &mut [f64]) {
-    let (x, to) = (data.as_chunks::<W>().0, to.as_chunks_mut::<W>().0);
-    for i in 0..size {
-        for k in 0..=i {
-            let both = x[i][k] + x[k][i];
-            (to[i][k], to[k][i]) = (both, both);
+/// See [`Lanes::carry`].
+struct Carry<'a, const W: usize> {
+    data: &'a mut [f64],
+    spare: &'a mut [f64],
+    transition: &'a Sparse,
+}
+
+impl<const W: usize> NullaryFnOnce for Carry<'_, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let (x, behind) = (self.data.as_chunks_mut::<W>().0, self.spare.as_chunks_mut::<W>().0);
+        let moving = self.transition.count();
+        for i in 0..moving {
+            let mut sum = x[i];
+            add_rows(&mut sum, self.transition.row(i), x);
+            behind[i] = sum;
+        }
+        x[..moving].copy_from_slice(&behind[..moving]);
+    }
+}
+
+/// See [`Lanes::multiply`].
+struct Multiply<'a, const W: usize> {
+    data: &'a [f64],
+    a: &'a Sparse,
+    scale: f64,
+    to: &'a mut [f64],
+}
+
+impl<const W: usize> NullaryFnOnce for Multiply<'_, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let (x, to) = (self.data.as_chunks::<W>().0, self.to.as_chunks_mut::<W>().0);
+        for i in 0..self.a.count() {
+            let mut sum = [0.0; W];
+            for (k, f) in self.a.row(i) {
+                add_scaled(&mut sum, self.scale * f, &x[*k]);
+            }
+            to[i] = sum;
         }
     }
 }
 
-#[inline(always)]
-fn grow<const W: usize>(data: &mut [f64], spare: &mut [f64], transition: &Sparse, noise: &[f64]) {
-    let (p, noise) = (data.as_chunks_mut::<W>().0, noise.as_chunks::<W>().0);
-    let (behind, across) = spare.as_chunks_mut::<W>().0.split_at_mut(p.len());
-    let moving = transition.count();
-    // F P, of what moves; what stays beside it is then as it should be.
-    for ((row, to), own) in transition.rows().zip(behind.iter_mut()).zip(p.iter()) {
-        let mut sum = *own;
-        row.iter().for_each(|(k, f)| add_scaled(&mut sum, *f, &p[*k]));
-        *to = sum;
-    }
-    for i in 0..moving {
-        for k in 0..moving {
-            across[k][i] = behind[i][k];
+/// See [`Lanes::add_transposed`].
+struct AddTransposed<'a, const W: usize> {
+    data: &'a [f64],
+    size: usize,
+    to: &'a mut [f64],
+}
+
+impl<const W: usize> NullaryFnOnce for AddTransposed<'_, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let (x, to) = (self.data.as_chunks::<W>().0, self.to.as_chunks_mut::<W>().0);
+        for i in 0..self.size {
+            for k in 0..=i {
+                let both = x[i][k] + x[k][i];
+                (to[i][k], to[k][i]) = (both, both);
+            }
         }
-    }
-    // F (F P)^T.
-    for (i, row) in transition.rows().enumerate() {
-        let mut sum = across[i];
-        row.iter().for_each(|(k, f)| add_scaled(&mut sum, *f, &across[*k]));
-        p[i][..moving].copy_from_slice(&sum[..moving]);
-        p[i][moving..].copy_from_slice(&behind[i][moving..]);
-    }
-    for i in moving..p.len() {
-        for k in 0..moving {
-            p[i][k] = p[k][i];
-        }
-    }
-    for i in 0..moving {
-        for k in 0..i {
-            let mean = 0.5 * (p[i][k] + p[k][i]);
-            (p[i][k], p[k][i]) = (mean, mean);
-        }
-    }
-    for (row, noise) in p.iter_mut().zip(noise) {
-        add_scaled(row, 1.0, noise);
     }
 }
 
-#[inline(always)]
-fn correct<const W: usize>(
-    data: &mut [f64],
-    spare: &mut [f64],
-    readings: &Sparse,
-    own: &[f64],
-    gain: &mut Gain,
-) -> bool {
-    let (p, across) = (data.as_chunks_mut::<W>().0, spare.as_chunks_mut::<W>().0);
-    let size = p.len();
-    for (r, (by_state, own)) in readings.rows().zip(own).enumerate() {
-        // P h^T as the readings before have left P.
-        let mut a = [0.0; W];
-        by_state.iter().for_each(|(i, h)| add_scaled(&mut a, *h, &p[*i]));
-        for q in 0..r {
-            let coupling = dot(by_state, gain.of(q));
-            gain.couplings.push(coupling);
-            add_scaled(&mut a, -coupling, &across[q]);
-        }
-        let variance = dot(by_state, &a) + own;
-        if !(variance > 0.0 && variance.is_finite()) {
-            return false;
-        }
-        let inverse = 1.0 / variance;
-        gain.gains.extend(a[..size].iter().map(|a| a * inverse));
-        gain.variances.push(variance);
-        across[r] = a;
-    }
-    for (i, row) in p.iter_mut().enumerate() {
-        let mut sum = *row;
-        for (r, a) in across.iter().enumerate() {
-            add_scaled(&mut sum, -gain.of(r)[i], a);
-        }
-        *row = sum;
-    }
-    for i in 0..size {
-        for k in 0..i {
-            let mean = 0.5 * (p[i][k] + p[k][i]);
-            (p[i][k], p[k][i]) = (mean, mean);
-        }
-    }
-    true
+/// See [`Lanes::grow`].
+struct Grow<'a, const W: usize> {
+    data: &'a mut [f64],
+    spare: &'a mut [f64],
+    transition: &'a Sparse,
+    noise: &'a [f64],
 }
 
-#[inline(always)]
-fn take_in<const W: usize>(data: &mut [f64], readings: &Sparse, gain: &Gain, d: &mut [f64]) {
-    let (x, d) = (data.as_chunks_mut::<W>().0, d.as_chunks_mut::<W>().0);
-    for (r, by_state) in readings.rows().enumerate() {
-        let mut sum = d[r];
-        by_state.iter().for_each(|(i, h)| add_scaled(&mut sum, -h, &x[*i]));
-        for (q, coupling) in gain.couplings(r).iter().enumerate().filter(|(_, x)| **x != 0.0) {
-            add_scaled(&mut sum, -coupling, &d[q]);
+impl<const W: usize> NullaryFnOnce for Grow<'_, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let (p, noise) = (self.data.as_chunks_mut::<W>().0, self.noise.as_chunks::<W>().0);
+        let (behind, across) = self.spare.as_chunks_mut::<W>().0.split_at_mut(p.len());
+        let (transition, moving) = (self.transition, self.transition.count());
+        // F P, of what moves; what stays beside it is then as it should be.
+        for i in 0..moving {
+            let mut sum = p[i];
+            add_rows(&mut sum, transition.row(i), p);
+            behind[i] = sum;
         }
-        d[r] = sum;
+        for i in 0..moving {
+            for k in 0..moving {
+                across[k][i] = behind[i][k];
+            }
+        }
+        // F (F P)^T.
+        for i in 0..moving {
+            let mut sum = across[i];
+            add_rows(&mut sum, transition.row(i), across);
+            for k in 0..moving {
+                p[i][k] = sum[k];
+            }
+            for k in moving..W {
+                p[i][k] = behind[i][k];
+            }
+        }
+        for i in moving..p.len() {
+            for k in 0..moving {
+                p[i][k] = p[k][i];
+            }
+        }
+        // Rounding would add up.
+        for i in 0..moving {
+            for k in 0..i {
+                let mean = 0.5 * (p[i][k] + p[k][i]);
+                (p[i][k], p[k][i]) = (mean, mean);
+            }
+        }
+        for i in 0..noise.len() {
+            add_scaled(&mut p[i], 1.0, &noise[i]);
+        }
     }
-    for (i, row) in x.iter_mut().enumerate() {
-        let mut sum = *row;
-        for (r, d) in d.iter().enumerate().take(gain.count()) {
-            add_scaled(&mut sum, gain.of(r)[i], d);
+}
+
+/// See [`Lanes::correct`].
+struct Correct<'a, const W: usize> {
+    data: &'a mut [f64],
+    spare: &'a mut [f64],
+    readings: &'a Sparse,
+    own: &'a [f64],
+    gain: &'a mut Gain,
+}
+
+impl<const W: usize> NullaryFnOnce for Correct<'_, W> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn call(self) -> bool {
+        let (p, across) = (self.data.as_chunks_mut::<W>().0, self.spare.as_chunks_mut::<W>().0);
+        let (gain, size) = (self.gain, p.len());
+        let count = self.readings.count();
+        gain.couplings.resize(count * count.saturating_sub(1) / 2, 0.0);
+        gain.gains.resize(count * size, 0.0);
+        for r in 0..count {
+            // P h^T as the readings before have left P.
+            let (by_state, mut a) = (self.readings.row(r), [0.0; W]);
+            add_rows(&mut a, by_state, p);
+            for q in 0..r {
+                let coupling = dot(by_state, gain.of(q));
+                gain.couplings[first_coupling(r) + q] = coupling;
+                if coupling != 0.0 {
+                    add_scaled(&mut a, -coupling, &across[q]);
+                }
+            }
+            let variance = dot(by_state, &a) + self.own[r];
+            if !(variance > 0.0 && variance.is_finite()) {
+                return false;
+            }
+            let inverse = 1.0 / variance;
+            for (gain, a) in gain.gains[r * size..(r + 1) * size].iter_mut().zip(&a) {
+                *gain = a * inverse;
+            }
+            gain.variances.push(variance);
+            across[r] = a;
         }
-        *row = sum;
+        for i in 0..size {
+            let mut sum = p[i];
+            for r in 0..count {
+                add_scaled(&mut sum, -gain.gains[r * size + i], &across[r]);
+            }
+            p[i] = sum;
+        }
+        true
+    }
+}
+
+/// See [`Lanes::take_in`].
+struct TakeIn<'a, const W: usize> {
+    data: &'a mut [f64],
+    readings: &'a Sparse,
+    gain: &'a Gain,
+    d: &'a mut [f64],
+}
+
+impl<const W: usize> NullaryFnOnce for TakeIn<'_, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let (x, d) = (self.data.as_chunks_mut::<W>().0, self.d.as_chunks_mut::<W>().0);
+        let count = self.readings.count();
+        for r in 0..count {
+            let mut sum = d[r];
+            for (i, h) in self.readings.row(r) {
+                add_scaled(&mut sum, -h, &x[*i]);
+            }
+            let couplings = self.gain.couplings(r);
+            for q in 0..r {
+                if couplings[q] != 0.0 {
+                    add_scaled(&mut sum, -couplings[q], &d[q]);
+                }
+            }
+            d[r] = sum;
+        }
+        let (size, gains) = (self.gain.size, &self.gain.gains);
+        for i in 0..size {
+            let mut sum = x[i];
+            for r in 0..count {
+                add_scaled(&mut sum, gains[r * size + i], &d[r]);
+            }
+            x[i] = sum;
+        }
     }
 }
 

@@ -42,6 +42,9 @@ pub trait ActuatorKind: fmt::Debug {
     /// Adds an actuator to a group of members. Its entries have no meaning until they are set.
     fn add(&mut self, name: String);
 
+    /// How many actuators it has.
+    fn count(&self) -> usize;
+
     /// The names of its actuators, in the order of every array in messages.
     fn names(&self) -> Vec<&str>;
 

@@ -139,7 +139,7 @@ impl Actuators {
     pub fn motor_ranges(&self) -> [Range<usize>; KINDS] {
         let mut first = 0;
         self.kinds().map(|kind| {
-            let count = if kind.channel().is_some() { kind.names().len() } else { 0 };
+            let count = if kind.channel().is_some() { kind.count() } else { 0 };
             first += count;
             first - count..first
         })
@@ -167,7 +167,7 @@ impl Actuators {
     /// Whether the direction of some motor's torque changes as it moves, so that all may come to lie in one plane.
     #[must_use]
     pub fn may_be_singular(&self) -> bool {
-        self.kinds().into_iter().any(|kind| kind.may_be_singular() && !kind.names().is_empty())
+        self.kinds().into_iter().any(|kind| kind.may_be_singular() && kind.count() > 0)
     }
 
     /// Momentum that the moving parts have relative to the body, body axes [N m s].

@@ -41,7 +41,7 @@ fn what_fits_estimate_is_an_entry_of_its_kind_and_has_a_typical_deviation() {
     }
     let mut priors = actuators.typical_priors();
     for (kind, prior) in actuators.kinds_mut().into_iter().zip(priors.kinds_mut()) {
-        let members = kind.names().len();
+        let members = kind.count();
         let keys: Vec<&str> = kind.fields(0, 0).iter().map(|field| field.key).collect();
         for key in prior.keys() {
             assert!(keys.contains(key), "{key} is no entry of {kind:?}");

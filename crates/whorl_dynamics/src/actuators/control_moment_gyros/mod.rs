@@ -128,6 +128,10 @@ impl ActuatorKind for ControlMomentGyros {
         });
     }
 
+    fn count(&self) -> usize {
+        self.0.len()
+    }
+
     fn names(&self) -> Vec<&str> {
         self.0.iter().map(|gyro| gyro.name.as_str()).collect()
     }

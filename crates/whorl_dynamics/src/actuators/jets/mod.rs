@@ -73,6 +73,10 @@ impl ActuatorKind for Jets {
         });
     }
 
+    fn count(&self) -> usize {
+        self.list.len()
+    }
+
     fn names(&self) -> Vec<&str> {
         self.list.iter().map(|jet| jet.name.as_str()).collect()
     }

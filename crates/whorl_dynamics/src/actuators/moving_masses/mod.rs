@@ -138,6 +138,10 @@ impl ActuatorKind for MovingMasses {
         });
     }
 
+    fn count(&self) -> usize {
+        self.0.len()
+    }
+
     fn names(&self) -> Vec<&str> {
         self.0.iter().map(|mass| mass.name.as_str()).collect()
     }

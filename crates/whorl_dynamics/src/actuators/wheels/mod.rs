@@ -57,6 +57,10 @@ impl ActuatorKind for Wheels {
         });
     }
 
+    fn count(&self) -> usize {
+        self.0.len()
+    }
+
     fn names(&self) -> Vec<&str> {
         self.0.iter().map(|wheel| wheel.name.as_str()).collect()
     }
