@@ -51,10 +51,16 @@ impl Stage {
             known.platform
         );
         let differences = changes((&known.model, truth), (&known.prior, &known.prior), "");
-        let lines: Vec<String> = differences
+        let mut lines: Vec<String> = differences
             .iter()
+            .filter(|c| !c.key.starts_with("model.effects."))
             .filter_map(|c| Some(format!("      {}: {}\n", c.key.strip_prefix("model.")?, scalar(&c.value)?)))
             .collect();
+        // Effects of a truth are whole: those that differ from the model's stand beside those that do not.
+        let effects = truth.effects.iter().flat_map(|(id, values)| values.iter().map(move |v| (id, v)));
+        lines.extend(effects.filter_map(|(id, (name, value))| {
+            Some(format!("      effects.{id}.{name}: {}\n", scalar(&Value::Double(*value))?))
+        }));
         text = text.replace("      simulated_for_design.placeholder: 0.0\n", &lines.concat());
         if !lines.is_empty() {
             let path = folder.join("truth").join(format!("{}.yaml", known.platform));

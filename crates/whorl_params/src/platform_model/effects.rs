@@ -14,8 +14,8 @@ use crate::reader::Reader;
 /// value of the catalogue.
 pub(super) fn read(r: &mut Reader<'_>, model: &PlatformModel) -> BTreeMap<String, BTreeMap<String, f64>> {
     let mut effects = BTreeMap::new();
-    r.group("effects", |r| {
-        for id in r.children_with_overlay("") {
+    r.whole_group("effects", |r| {
+        for id in r.children("") {
             let found = find_or_load(&id, r.parameters().files().iter().map(|file| &**file));
             if let Some(Err(errors)) = &found {
                 r.reject_group(&id, format!("its file is wrong: {errors}"));

@@ -41,16 +41,11 @@ pub fn platform_model_with_prior(r: &mut Reader<'_>) -> Option<(PlatformModel, P
 
 /// Reads the platform of a simulation: the group `model`, where every key may be overridden in the
 /// group `truth` (`truth.inertia_kg_m2.zz`, `truth.jets.jet_3.thrust_n`). Where effects are listed there, the platform has
-/// these and no others: hardware gains none because its model adopts one. Estimator and control must not call this.
+/// these and no others, each with the parameters that stand there and no others: hardware does not change because its model
+/// adopts something. What stands in `model` alone is checked by [`platform_model`]. Estimator and control must not call this.
 pub fn truth_model(r: &mut Reader<'_>) -> Option<PlatformModel> {
-    r.claim_group(MODEL_GROUP);
     r.claim_group("truth");
-    let listed = r.group("truth", |r| r.children("effects"));
-    let mut truth = r.overlay(MODEL_GROUP, "truth", |r| r.group(MODEL_GROUP, model))?;
-    if !listed.is_empty() {
-        truth.effects.retain(|id, _| listed.contains(id));
-    }
-    Some(truth)
+    r.overlay(MODEL_GROUP, "truth", |r| r.group(MODEL_GROUP, model))
 }
 
 fn model(r: &mut Reader<'_>) -> Option<PlatformModel> {

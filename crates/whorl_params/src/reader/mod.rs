@@ -237,17 +237,17 @@ impl<'a> Reader<'a> {
         value
     }
 
-    /// As [`Self::children`], with names that only the overlay has at the end.
-    pub(crate) fn children_with_overlay(&self, key: &str) -> Vec<String> {
-        let mut names = self.children(key);
-        if let Some(overlaid) = self.overlaid(&self.full(key)) {
-            for name in self.parameters.children(overlaid.trim_end_matches('.')) {
-                if !names.iter().any(|known| known == name) {
-                    names.push(name.to_owned());
-                }
-            }
-        }
-        names
+    /// As [`Self::group`], of a group that is never mixed: where the overlay has any of it, all of it is read there.
+    pub(crate) fn whole_group<T>(&mut self, name: &str, read: impl FnOnce(&mut Self) -> T) -> T {
+        let overlaid = self.overlaid(&self.full(name));
+        let Some(group) = overlaid.filter(|group| self.parameters.has_children(group)) else {
+            return self.group(name, read);
+        };
+        let prefix = std::mem::replace(&mut self.prefix, format!("{group}."));
+        let overlay = self.overlay.take();
+        let value = read(self);
+        (self.prefix, self.overlay) = (prefix, overlay);
+        value
     }
 
     /// Keys below a group that were read so far, relative to it.

@@ -211,6 +211,9 @@ fn hardware_has_the_effects_that_its_truth_lists_and_no_others() {
     let listed = with("      effects:\n        bearing_viscous_friction: {c_n_m_s: 0.002}\n");
     assert_eq!(listed.keys().collect::<Vec<_>>(), ["bearing_viscous_friction"]);
     assert_eq!(listed["bearing_viscous_friction"]["c_n_m_s"], 0.002);
+    // Nor does a parameter that the model has adopted join those of the truth.
+    let sideways = with("      effects:\n        air_current: {t_y_n_m: 0.03}\n");
+    assert_eq!(sideways["air_current"].iter().collect::<Vec<_>>(), [(&"t_y_n_m".to_owned(), &0.03)]);
     // A truth that says nothing of effects has the model's.
     let none = with("      mass_kg: 100.0\n");
     assert_eq!(none.keys().collect::<Vec<_>>(), ["air_current", "bearing_viscous_friction"]);
