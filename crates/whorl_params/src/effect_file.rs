@@ -18,7 +18,7 @@ use whorl_dynamics::Effect;
 use whorl_dynamics::effects::written::{
     ActsOn, Axes, CurveShape, Definition, WrittenCurve, WrittenEffect, WrittenParameter, WrittenState,
 };
-use whorl_dynamics::effects::{Role, find, register};
+use whorl_dynamics::effects::{RegisterError, Role, catalogue, find, register, register_secret};
 
 use crate::error::{Origin, ParameterError, ParameterErrors};
 use crate::limits::{any, positive};
@@ -68,6 +68,13 @@ pub fn read_effect(path: &Path) -> Result<WrittenEffect, ParameterErrors> {
 /// # Errors
 /// As [`read_effect`]; when another effect has its id.
 pub fn load_effect(path: &Path) -> Result<&'static dyn Effect, ParameterErrors> {
+    load_with(path, register)
+}
+
+fn load_with(
+    path: &Path,
+    register: impl FnOnce(WrittenEffect) -> Result<&'static dyn Effect, RegisterError>,
+) -> Result<&'static dyn Effect, ParameterErrors> {
     let effect = read_effect(path)?;
     register(effect).map_err(|error| {
         let origin = Origin::File { file: path.display().to_string().into(), line: 0 };
@@ -117,19 +124,21 @@ fn folders<'p>(files: impl Iterator<Item = &'p Path>) -> Vec<PathBuf> {
 }
 
 /// The effect with this id: of the catalogue, or from its file beside these parameter files. `None`: there is no such
-/// file.
+/// file. One that only a truth has (`of_truth`) does not get into the catalogue.
 pub(crate) fn find_or_load<'f>(
     id: &str,
     files: impl Iterator<Item = &'f str>,
+    of_truth: bool,
 ) -> Option<Result<&'static dyn Effect, ParameterErrors>> {
-    if let Some(effect) = find(id) {
+    let known = if of_truth { find(id) } else { catalogue().iter().copied().find(|e| e.info().id == id) };
+    if let Some(effect) = known {
         return Some(Ok(effect));
     }
     let is_plain = id.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
     let folders = folders(files.map(Path::new));
     let path =
         folders.into_iter().map(|folder| folder.join(format!("{id}.yaml"))).find(|path| path.is_file())?;
-    is_plain.then(|| load_effect(&path))
+    is_plain.then(|| if of_truth { load_with(&path, register_secret) } else { load_effect(&path) })
 }
 
 fn one_of<T: Copy>(choices: &[(&'static str, T)], name: &str) -> Option<T> {

@@ -25,7 +25,7 @@ pub use base::BasePrior;
 pub use effect::{Effect, EffectInfo, EffectKind, TrueImu};
 pub use error::EffectError;
 pub use parameter::{ParameterSpec, Part, Regressed, Role};
-pub use registry::{RegisterError, catalogue, find, register, registered, withdraw};
+pub use registry::{RegisterError, catalogue, find, register, register_secret, registered, withdraw};
 pub use search::{
     Aid, Clues, Contribution, Direction, Evidence, Grouping, Need, Periodicity, Resonance, Signature, Start,
     Starter, hard_without, untold_without,

@@ -14,9 +14,10 @@ use crate::reader::Reader;
 /// value of the catalogue.
 pub(super) fn read(r: &mut Reader<'_>, model: &PlatformModel) -> BTreeMap<String, BTreeMap<String, f64>> {
     let mut effects = BTreeMap::new();
-    r.whole_group("effects", |r| {
+    r.whole_group("effects", |r, of_truth| {
         for id in r.children("") {
-            let found = find_or_load(&id, r.parameters().files().iter().map(|file| &**file));
+            let files = r.parameters().files().iter().map(|file| &**file);
+            let found = find_or_load(&id, files, of_truth);
             if let Some(Err(errors)) = &found {
                 r.reject_group(&id, format!("its file is wrong: {errors}"));
                 continue;

@@ -177,7 +177,8 @@ impl<'a> Reader<'a> {
         (self.descriptors, self.named.into_inner())
     }
 
-    /// Ends reading: all descriptors, or all errors, unknown keys included.
+    /// Ends reading: all descriptors, or all errors, unknown keys included. Of a group of which nothing was asked nothing is
+    /// said beside an error: what was refused may be what it depends on.
     ///
     /// # Errors
     /// Everything that was wrong.
@@ -187,7 +188,8 @@ impl<'a> Reader<'a> {
             let ignored = entry.key == "use_sim_time"
                 || is_shared(&entry.key)
                     && !self.claimed.iter().any(|group| entry.key.starts_with(group.as_str()));
-            if ignored || self.known.contains(&entry.key) {
+            let unasked = !self.errors.is_empty() && !self.has_asked_beside(&entry.key);
+            if ignored || unasked || self.known.contains(&entry.key) {
                 continue;
             }
             let hint = nearest(&entry.key, self.known.iter().map(String::as_str))
@@ -204,6 +206,12 @@ impl<'a> Reader<'a> {
         self.errors.append(&mut unknown);
         ParameterErrors::check(self.errors)?;
         Ok(self.descriptors)
+    }
+
+    /// Whether anything was asked of the group that a key stands in.
+    fn has_asked_beside(&self, key: &str) -> bool {
+        let Some((group, _)) = key.rsplit_once('.') else { return true };
+        self.known_below(group).next().is_some()
     }
 
     /// Known keys of the group that a key stands in.
@@ -237,15 +245,16 @@ impl<'a> Reader<'a> {
         value
     }
 
-    /// As [`Self::group`], of a group that is never mixed: where the overlay has any of it, all of it is read there.
-    pub(crate) fn whole_group<T>(&mut self, name: &str, read: impl FnOnce(&mut Self) -> T) -> T {
+    /// As [`Self::group`], of a group that is never mixed: where the overlay has any of it, all of it is read there, and
+    /// `read` is told so.
+    pub(crate) fn whole_group<T>(&mut self, name: &str, read: impl FnOnce(&mut Self, bool) -> T) -> T {
         let overlaid = self.overlaid(&self.full(name));
         let Some(group) = overlaid.filter(|group| self.parameters.has_children(group)) else {
-            return self.group(name, read);
+            return self.group(name, |r| read(r, false));
         };
         let prefix = std::mem::replace(&mut self.prefix, format!("{group}."));
         let overlay = self.overlay.take();
-        let value = read(self);
+        let value = read(self, true);
         (self.prefix, self.overlay) = (prefix, overlay);
         value
     }

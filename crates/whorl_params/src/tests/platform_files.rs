@@ -5,7 +5,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
-use whorl_dynamics::PlatformModel;
+use whorl_dynamics::effects::catalogue;
+use whorl_dynamics::{Gyrostat, PlatformModel};
 
 use super::params_directory;
 use crate::{
@@ -217,6 +218,41 @@ fn hardware_has_the_effects_that_its_truth_lists_and_no_others() {
     // A truth that says nothing of effects has the model's.
     let none = with("      mass_kg: 100.0\n");
     assert_eq!(none.keys().collect::<Vec<_>>(), ["air_current", "bearing_viscous_friction"]);
+}
+
+/// What only simulated hardware has is nothing to those who look for what its model lacks, until the model has it.
+#[test]
+fn an_effect_of_a_truth_alone_is_in_no_catalogue() {
+    let is_listed = || catalogue().iter().any(|effect| effect.info().id == "t_hidden_swirl");
+    let folder = tempfile::tempdir().unwrap();
+    let at = |file: &str| folder.path().join(file);
+    std::fs::create_dir_all(at("truth/effects")).unwrap();
+    for file in ["common.yaml", "whorl_1.yaml"] {
+        std::fs::copy(params_directory().join(file), at(file)).unwrap();
+    }
+    std::fs::copy(
+        params_directory().join("demo/effects/swirl.yaml"),
+        at("truth/effects/t_hidden_swirl.yaml"),
+    )
+    .unwrap();
+    let section = |group: &str| {
+        format!("  ros__parameters:\n    {group}:\n      effects: {{t_hidden_swirl: {{k: 3.0}}}}\n")
+    };
+    std::fs::write(at("truth/whorl_1.yaml"), format!("/whorl_1/driver:\n{}", section("truth"))).unwrap();
+    let read = |files: &[&str]| {
+        let files: Vec<PathBuf> = files.iter().map(|file| at(file)).collect();
+        let own = ParameterTree::load(&files, &[]).unwrap().for_node("/whorl_1/driver");
+        read_shared(&own, |r| (platform_model(r, "model").unwrap(), truth_model(r).unwrap())).unwrap()
+    };
+    let (model, truth) = read(&["common.yaml", "whorl_1.yaml", "truth/whorl_1.yaml"]);
+    assert_eq!(truth.effects["t_hidden_swirl"]["k"], 3.0);
+    assert!(model.effects.is_empty() && !is_listed());
+    Gyrostat::new(&truth).unwrap();
+
+    std::fs::rename(at("truth/effects"), at("effects")).unwrap();
+    std::fs::write(at("adopted.yaml"), format!("/whorl_1/**:\n{}", section("model"))).unwrap();
+    let (model, _) = read(&["common.yaml", "whorl_1.yaml", "adopted.yaml"]);
+    assert!(model.effects.contains_key("t_hidden_swirl") && is_listed());
 }
 
 /// What a platform must say about itself; all else has a value that means "none".

@@ -3,7 +3,9 @@
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::*;
-use crate::effects::{RegisterError, built_in, find, register, withdraw};
+use crate::effects::{
+    RegisterError, built_in, catalogue, find, register, register_secret, registered, withdraw,
+};
 
 fn parameter(name: &str, unit: &str, range: (f64, f64), neutral: f64) -> WrittenParameter {
     WrittenParameter {
@@ -251,6 +253,25 @@ fn a_registered_effect_is_in_the_catalogue_until_it_is_withdrawn() {
     register(of("-2 * k * rate")).unwrap();
     assert!(register(of("-k * rate")).is_err());
     withdraw("t_registered");
+}
+
+#[test]
+fn a_secret_effect_is_known_to_who_asks_for_it_alone() {
+    let definition = torque("t_secret", "-k * rate", vec![parameter("k", "N m s", (0.0, 1.0), 0.0)]);
+    let of = |equation: &str| {
+        WrittenEffect::new(Definition { equation: equation.into(), ..definition.clone() }).unwrap()
+    };
+    let is_listed = || catalogue().iter().any(|effect| effect.info().id == "t_secret");
+    let secret = register_secret(of("-k * rate")).unwrap();
+    assert!(std::ptr::addr_eq(find("t_secret").unwrap(), secret));
+    assert!(!is_listed() && registered().iter().all(|effect| effect.info().id != "t_secret"));
+    assert!(register(of("-2 * k * rate")).is_err());
+    // Who adopts it makes it known to all, and hardware that has it does not take that back.
+    register(of("-k * rate")).unwrap();
+    register_secret(of("-k * rate")).unwrap();
+    assert!(is_listed());
+    withdraw("t_secret");
+    assert!(find("t_secret").is_none());
 }
 
 /// Brake by a measured curve: at every rate the torque is what the closed form of the curve's coefficients gives.
