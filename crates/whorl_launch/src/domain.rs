@@ -1,7 +1,7 @@
 //! A ROS domain on this machine: which experiment uses it, and which of our processes run in it.
 
 use std::fs::{DirBuilder, File, OpenOptions, TryLockError};
-use std::io::ErrorKind;
+use std::io::{ErrorKind, Write as _};
 use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -338,7 +338,8 @@ fn end(processes: &[Running], within: Duration) {
         std::thread::sleep(Duration::from_millis(20));
     }
     for process in left {
-        eprintln!("warning: {} did not stop, killing it", process.label);
+        // Nobody need listen.
+        let _ = writeln!(std::io::stderr(), "warning: {} did not stop, killing it", process.label);
         let _ = kill_process(process.pid, Signal::KILL);
     }
 }

@@ -26,6 +26,8 @@ const NODES_END: Duration = Duration::from_secs(3);
 const RECORDER_ENDS: Duration = Duration::from_secs(5);
 /// Exit code of a Rust program that panicked.
 const PANICKED: i32 = 101;
+/// Exit code of a node that was told something that it does not take (`whorl_ros::WRONG_USAGE`): it ended as it began.
+const WRONG_USAGE: i32 = 2;
 /// Number of log lines shown for a failed process, ...
 const LAST_LINES: usize = 20;
 /// ... of so many bytes at its end.
@@ -90,13 +92,16 @@ impl Ended {
         by_accident(self.status)
     }
 
-    /// The last lines of its log.
+    /// Why, by its log: the last lines; of a process that ended as it began the first, as what follows them may follow from them.
     #[must_use]
     pub fn last_words(&self) -> String {
         let log = end_of(&self.log).unwrap_or_default();
         let text = String::from_utf8_lossy(&log);
         let lines: Vec<&str> = text.lines().collect();
-        lines[lines.len().saturating_sub(LAST_LINES)..].join("\n")
+        let most = LAST_LINES.min(lines.len());
+        let shown =
+            if self.status.code() == Some(WRONG_USAGE) { 0..most } else { lines.len() - most..lines.len() };
+        lines.get(shown).unwrap_or_default().join("\n")
     }
 }
 

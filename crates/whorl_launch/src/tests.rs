@@ -212,19 +212,23 @@ fn what_does_not_stop_is_killed_and_named() {
 
 #[test]
 fn a_process_that_fails_is_reported_once_with_its_last_words() {
-    let folder = tempfile::tempdir().unwrap();
-    let text = "[ NAME = driver ] && { seq 1 30; echo no device >&2; exit 3; }; exec sleep 60";
-    let mut supervisor = started(folder.path(), text);
-    let mut ended = None;
-    wait_for("its end", || {
-        ended = supervisor.ended();
-        ended.is_some()
-    });
-    let ended = ended.unwrap();
-    assert_eq!((ended.label.as_str(), ended.status.code()), ("driver", Some(3)));
-    let words = ended.last_words();
-    assert!(words.starts_with("12\n") && words.ends_with("30\nno device"), "{words}");
-    assert!(supervisor.ended().is_none());
+    // One that ended as it began has said why at once.
+    for (status, first, last) in [(3, "12\n", "30\nno device"), (2, "1\n", "\n20")] {
+        let folder = tempfile::tempdir().unwrap();
+        let text =
+            format!("[ NAME = driver ] && {{ seq 1 30; echo no device >&2; exit {status}; }}; exec sleep 60");
+        let mut supervisor = started(folder.path(), &text);
+        let mut ended = None;
+        wait_for("its end", || {
+            ended = supervisor.ended();
+            ended.is_some()
+        });
+        let ended = ended.unwrap();
+        assert_eq!((ended.label.as_str(), ended.status.code()), ("driver", Some(status)));
+        let words = ended.last_words();
+        assert!(words.starts_with(first) && words.ends_with(last), "{words}");
+        assert!(supervisor.ended().is_none());
+    }
 }
 
 #[test]

@@ -36,7 +36,11 @@ pub fn to_stderr(level: Option<LevelFilter>) {
         Targets::new().with_default(level.unwrap_or(LevelFilter::INFO)).with_targets(silent)
     });
     let is_terminal = std::io::IsTerminal::is_terminal(&std::io::stderr());
-    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(is_terminal);
+    // A reader that has gone is no reason to panic, which saying so on the same stream would do.
+    let lines = tracing_subscriber::fmt::layer()
+        .with_writer(std::io::stderr)
+        .with_ansi(is_terminal)
+        .log_internal_errors(false);
     // A second call, in tests, keeps the first subscriber.
     let _ = tracing_subscriber::registry().with(filter).with(lines).try_init();
 }
