@@ -1,4 +1,4 @@
-//! Errors as exceptions, with the words of the command line.
+//! Errors as exceptions, with the words of the command line where it has no options in them.
 
 use std::fmt::Display;
 
@@ -20,5 +20,5 @@ pub fn error(error: impl Into<anyhow::Error>) -> PyErr {
 
 /// What is not allowed, in words.
 pub fn refused(text: impl Display) -> PyErr {
-    WhorlError::new_err(text.to_string())
+    WhorlError::new_err(whorl_commands::of_arguments(&text.to_string()))
 }

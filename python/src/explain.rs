@@ -81,7 +81,7 @@ pub fn compare(
             (whorl_explain::compare(&runs.case(), say)?, None)
         };
         let json = comparison::as_json(&runs.known.platform, &compared, given.as_deref())?;
-        Ok((json.to_string(), whorl_report::comparison_html(&compared, None, &runs.facts)))
+        Ok((json.to_string(), whorl_report::comparison_html(&compared, &[], &runs.facts)))
     })
 }
 

@@ -51,6 +51,12 @@ impl Platform {
         self.0.model.jets().iter().map(|jet| jet.name.clone()).collect()
     }
 
+    /// The axis of the hinge on which it turns, a unit vector in body axes.
+    #[getter]
+    fn hinge_axis_b(&self) -> Option<[f64; 3]> {
+        self.0.model.freedom.hinge_axis_b().map(|axis| axis.into_inner().into())
+    }
+
     #[getter]
     fn mass_kg(&self) -> f64 {
         self.0.model.mass_properties.mass_kg()

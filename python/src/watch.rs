@@ -17,7 +17,7 @@ const TICK: Duration = Duration::from_millis(100);
 /// Ends a computation that nobody waits for any more.
 struct Abandoned;
 
-/// Runs `work` in a thread; it reports progress (0 to 1) and its current step. `progress` is called with both, in the
+/// Runs `work` in a thread; it reports progress (0 to 1), which never goes back, and its current step. `progress` is called with both, in the
 /// caller's thread. Ctrl-C, or an exception of `progress`, is raised at once; the work itself ends at its next report.
 ///
 /// # Errors
@@ -41,13 +41,16 @@ pub fn watched<T: Send + 'static>(
         };
         work(&mut say)
     })?;
+    let mut done = 0.0;
     loop {
         let (news, receiver) = py.detach(move || (heard.recv_timeout(TICK), heard));
         heard = receiver;
         let called = match (news, &progress) {
             (Err(RecvTimeoutError::Disconnected), _) => break,
             (Ok((share, doing)), Some(progress)) => {
-                progress.call1(py, (share.clamp(0.0, 1.0), doing)).map(|_| ())
+                // A step that begins anew undoes nothing.
+                done = share.min(1.0).max(done);
+                progress.call1(py, (done, doing)).map(|_| ())
             }
             _ => Ok(()),
         };

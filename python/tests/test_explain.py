@@ -52,7 +52,7 @@ def test_a_diagnosis_is_that_of_the_program_and_names_what_was_put_in(program, t
     (c,) = friction["parameters"]
     assert abs(c["estimate"] - 0.3) < 4 * c["stddev"] < 0.02
     shares = [share for share, _ in steps]
-    assert len(set(shares)) > 4 and min(shares) >= 0 and max(shares) <= 1
+    assert len(set(shares)) > 4 and min(shares) >= 0 and max(shares) <= 1 and shares == sorted(shares)
 
 
 def test_an_adopted_model_is_written_and_goes_on_in_memory(program, tmp_path, recording, diagnosis, params):

@@ -108,10 +108,31 @@ def test_xarray_and_back(recording):
 TIMES = [0.0, 1.0, 2.0]
 
 
+def test_sensors_of_one_axis():
+    rate = np.array([0.1, 0.2, 0.3])
+    for channels in ({"gyro_z": (TIMES, rate)}, {"gyro_z": (TIMES, rate.reshape(-1, 1))}):
+        values = whorl.Recording.from_arrays(channels)["gyro"].values
+        np.testing.assert_array_equal(values[:, 2], rate)
+        assert np.isnan(values[:, :2]).all()
+    frame = pandas.DataFrame({"t": TIMES, "w": rate})
+    np.testing.assert_array_equal(whorl.Recording.from_frame(frame, {"gyro_x": "w"}, time="t")["gyro"].values[:, 0], rate)
+
+
+def test_a_gyro_on_a_hinge_is_about_it(tmp_path, params):
+    model = (params / "whorl_1.yaml").read_text()
+    hinge = tmp_path / "whorl_1.yaml"
+    hinge.write_text(model.replace("    model:\n", "    model:\n      freedom: {kind: hinge, axis: [0.0, 0.0, -1.0]}\n", 1))
+    values = whorl.Recording.from_arrays({"gyro": (TIMES, [0.1, 0.2, 0.3])}, model=hinge)["gyro"].values
+    np.testing.assert_array_equal(values[:, 2], [-0.1, -0.2, -0.3])
+    assert np.isnan(values[:, :2]).all()
+
+
 @pytest.mark.parametrize(
     ("channels", "given", "words"),
     [
         ({"gyro": (TIMES, np.zeros((3, 2)))}, {}, r"gyro: a sample has 2 numbers; allowed: 3 \(x, y, z\)"),
+        ({"gyro": (TIMES, TIMES)}, {}, r"gyro: a sample has one number; allowed: \(n, 3\), or the name of the axis \(gyro_x"),
+        ({"gyro_z": (TIMES, np.zeros((3, 2)))}, {}, r"gyro_z: values have shape \(3, 2\); allowed: \(n,\)"),
         ({"gyro": (TIMES, np.zeros((2, 3)))}, {}, "gyro: 3 times and 2 samples"),
         ({"gyro": (TIMES, np.zeros((3, 3, 1)))}, {}, r"gyro: values have shape \(3, 3, 1\)"),
         ({"gyro": ([TIMES], np.zeros((3, 3)))}, {}, r"gyro: times have shape \(1, 3\)"),

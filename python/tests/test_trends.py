@@ -130,7 +130,7 @@ def test_known_errors_of_sensors_are_found(faces, params, tmp_path):
     assert written.written > 5 and written.data["gyro"]["bias"] == found.data["gyro"]["bias"]
     assert len(whorl.history(out, platform="whorl_1").steps) == 1
 
-    with pytest.raises(whorl.WhorlError, match="--turn-error-deg is 0; allowed: a positive number"):
+    with pytest.raises(whorl.WhorlError, match="^turn_error_deg is 0; allowed: a positive number"):
         whorl.calibrate(run, model=model, turn_error_deg=0)
     # Never at rest for two seconds: turned from face to face without a pause.
     turning = np.linalg.norm(gyro, axis=1) > 0.02

@@ -48,6 +48,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         parameter_differences,
     );
     let names = names(&paths);
+    let differences = pair_differences(&runs);
+    let several = paths.len() > 2;
+    let answers: Vec<String> =
+        differences.iter().map(|d| sentence(d, several.then(|| names[d.other].as_str()))).collect();
+    for answer in &answers {
+        say!("{answer}");
+    }
     say!("parameters that differ: {}", parameters.len());
     let headings: Vec<String> =
         ["parameter", "nodes"].map(str::to_owned).into_iter().chain(names.iter().cloned()).collect();
@@ -56,13 +63,6 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     if !parameters.is_empty() {
         crate::table::print(&headings, &parameters.iter().map(cells).collect::<Vec<_>>());
-    }
-    let differences = pair_differences(&runs);
-    let several = paths.len() > 2;
-    let answers: Vec<String> =
-        differences.iter().map(|d| sentence(d, several.then(|| names[d.other].as_str()))).collect();
-    for answer in &answers {
-        say!("{answer}");
     }
     let page = arguments.html.clone().unwrap_or_else(|| {
         let beside = paths[0].parent().unwrap_or(Path::new(""));

@@ -6,12 +6,13 @@ use whorl_commands::diagnose::{as_json, as_lines, with_next};
 use whorl_commands::runs::write;
 use whorl_commands::settings::as_yaml;
 use whorl_commands::tables::write_diagnosis;
-use whorl_diagnosis::{Diagnosis, Settings};
+use whorl_diagnosis::{Diagnosis, Settings, Verdict};
 use whorl_math::three_digits;
 
 use crate::explain::{ExplainArguments, SearchArguments};
 use crate::output::{say, text};
 use crate::progress;
+use crate::runs::RunSources;
 use crate::table::print;
 
 /// Effects listed in the table.
@@ -66,7 +67,25 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let page = whorl_report::diagnosis_html(&found, &runs.facts);
     let page = arguments.explain.write_page("diagnose.html", &page)?;
     say!("\npage: {}", page.display());
+    if let Some(next) = next(&arguments.explain.runs.sources(), &found.diagnosis) {
+        say!("next: {next}");
+    }
     Ok(())
+}
+
+/// What to do with the verdict: adopt what was named, find the law or the run that is missing.
+fn next(sources: &RunSources, diagnosis: &Diagnosis) -> Option<String> {
+    Some(match diagnosis.verdict {
+        Verdict::Named => {
+            let effects: Vec<&str> = diagnosis.effects.iter().map(String::as_str).collect();
+            sources.command("adopt", &[&effects[..], &["--out", &sources.out()]].concat())
+        }
+        Verdict::Confounded | Verdict::NotEnoughInformation => {
+            sources.command("next", &["--out", "params/experiments/separate.yaml"])
+        }
+        Verdict::Unknown => sources.command("discover", &["--write", "found_law.yaml"]),
+        Verdict::NothingMissing => return None,
+    })
 }
 
 fn print_candidates(diagnosis: &Diagnosis) {

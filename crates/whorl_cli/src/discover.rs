@@ -84,6 +84,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let page = whorl_report::discovery_html(&found, &answer, &runs.facts);
     let page = arguments.explain.write_page("discover.html", &page)?;
     say!("page: {}", page.display());
+    if let Some(law) = arguments.write.as_ref().or(arguments.write_curve.as_ref()) {
+        let sources = arguments.explain.runs.sources();
+        say!("next: {}", sources.command("adopt", &[&law.display().to_string(), "--out", &sources.out()]));
+    }
     Ok(())
 }
 
@@ -108,7 +112,7 @@ fn written(path: &Path, law: &EvaluatedLaw, provenance: &str) -> anyhow::Result<
     let comment = format!("{}\nFitted here: {}.\n{provenance}", law.sentence, fitted.join(", "));
     let definition = whorl_dynamics::effects::written::Definition { id: id.clone(), ..definition };
     write(path, &effect_yaml(&definition, &comment))?;
-    say!("{}: written. Adopt it: whorl adopt RUN... {} --out PLATFORM.yaml", path.display(), path.display());
+    say!("{}: written", path.display());
     Ok(())
 }
 

@@ -13,7 +13,7 @@ use whorl_recording::read_model;
 
 use crate::output::{JsonArgument, say};
 use crate::progress;
-use crate::runs::{RunArguments, RunContext, link_pages_beside, write};
+use crate::runs::{RunArguments, RunContext, link_pages_beside, page_of, write};
 use crate::table::print;
 
 #[derive(Debug, clap::Args)]
@@ -121,7 +121,7 @@ fn over_runs(arguments: &Arguments) -> anyhow::Result<()> {
     let table = table.transpose()?;
     let page = arguments.html.clone().unwrap_or_else(|| {
         let first = arguments.sources.first().map_or(Path::new(""), PathBuf::as_path);
-        if first.is_dir() { first.join("history.html") } else { first.with_file_name("history.html") }
+        page_of(first, "history.html")
     });
     write(&page, &whorl_report::trends_html(&found, &answer, &HEADINGS, &rows, &read.facts))?;
     link_pages_beside(&page)?;

@@ -4,9 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::output::{JsonArgument, tell};
 
-use whorl_objects::is_remote;
-
-pub use whorl_commands::runs::{RunSources, Runs, link_pages_beside, write};
+pub use whorl_commands::runs::{RunSources, Runs, link_pages_beside, page_of, quoted, write};
 
 /// Runs, with the options for reading and testing them.
 #[derive(Debug, Clone, clap::Args)]
@@ -53,7 +51,7 @@ impl RunArguments {
 pub struct OutputArguments {
     #[command(flatten)]
     json: JsonArgument,
-    /// Path of the HTML page [default: the first run's directory, named after the command].
+    /// Path of the HTML page [default: in the first run's directory, or beside its file and named by it].
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
 }
@@ -67,16 +65,10 @@ impl OutputArguments {
         self.json.write(value)
     }
 
-    /// Writes the page to `--html`, else into the first run's directory, else beside its file; in the working directory for runs in
-    /// object storage, and where nothing can be written: what it took minutes to find is not lost. Returns the path.
+    /// Writes the page to `--html`, else where [`page_of`] says; in the working directory where nothing can be written: what it took minutes to find is not lost. Returns the path.
     pub fn write_page(&self, runs: &RunArguments, name: &str, html: &str) -> anyhow::Result<PathBuf> {
         let first = runs.runs.first().map_or(Path::new(""), PathBuf::as_path);
-        let beside = || match first {
-            stored if is_remote(stored) => PathBuf::from(name),
-            folder if folder.is_dir() => folder.join(name),
-            file => file.with_file_name(name),
-        };
-        let mut path = self.html.clone().unwrap_or_else(beside);
+        let mut path = self.html.clone().unwrap_or_else(|| page_of(first, name));
         if let Err(error) = write(&path, html) {
             let here = PathBuf::from(name);
             if self.html.is_some() || path == here {

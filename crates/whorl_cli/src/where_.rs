@@ -44,6 +44,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let page = whorl_report::localisation_html(&found, &runs.facts);
     let page = arguments.explain.write_page("where.html", &page)?;
     say!("\npage: {}", page.display());
+    if found.pooled.is_anything_left() {
+        say!("next: {}", arguments.explain.runs.sources().command("diagnose", &[]));
+    }
     Ok(())
 }
 
@@ -65,31 +68,24 @@ fn print_shares(where_: &Localisation) {
 }
 
 fn print_table(d: &Dependences) {
-    let constant = |share: f64, frame: &str| {
-        let cells = ["constant", frame, &format!("{:.0}", share * 100.0), "", "", ""];
+    let constant = |share: f64, frame: Frame| {
+        let cells = ["constant", frame.name(), &format!("{:.0}", share * 100.0), "", "", ""];
         cells.map(str::to_owned).to_vec()
     };
-    let of_wheel = d.ranked.first().is_some_and(|d| d.frame == Frame::Wheel);
-    let mut rows = if of_wheel {
-        vec![constant(d.constant_body_share, "wheel")]
-    } else {
-        vec![constant(d.constant_body_share, "body"), constant(d.constant_world_share, "world")]
-    };
+    let mut rows = vec![constant(d.constant_body_share, d.frame)];
+    if d.frame == Frame::Body {
+        rows.push(constant(d.constant_world_share, Frame::World));
+    }
     rows.extend(d.ranked.iter().take(LISTED).map(|d| {
-        let (frame, axes) = match d.frame {
-            Frame::Body => ("body", ["x", "y", "z"]),
-            Frame::World => ("world", ["east", "north", "up"]),
-            Frame::Wheel => ("wheel", ["axis", "", ""]),
-        };
         vec![
             d.variable.clone(),
-            frame.to_owned(),
+            d.frame.name().to_owned(),
             format!("{:.0}", d.share * 100.0),
-            axes.get(d.axis).copied().unwrap_or("").to_owned(),
+            d.frame.axes().get(d.axis).copied().unwrap_or("").to_owned(),
             format!("{:?}", d.parity).to_lowercase(),
             format!("{:?}", d.growth).to_lowercase(),
         ]
     }));
-    let headings = ["quantity", "frame", "#share %", "axis", "symmetry", "growth"].map(str::to_owned);
+    let headings = ["quantity", "frame", "#share [%]", "axis", "symmetry", "growth"].map(str::to_owned);
     print(&headings, &rows);
 }

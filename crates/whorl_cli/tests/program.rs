@@ -109,6 +109,8 @@ fn json_has_the_standard_output_for_itself() {
     assert_eq!(compared["pairs"][0]["significant"], false);
     let compared = only_json(&["compare", &run, "--platform", "whorl_1", "--json", "-"]);
     assert_eq!(compared["platform"], "whorl_1");
+    let each = only_json(&["compare", &run, "--json", "-"]);
+    assert_eq!([&each[0]["platform"], &each[1]["platform"]], ["whorl_1", "whorl_2"]);
     let effects = only_json(&["effects", "--json", "-"]);
     let ids = effects.as_array().unwrap().iter().map(|e| e["id"].as_str().unwrap()).collect::<Vec<_>>();
     assert!(ids.contains(&"bearing_viscous_friction"), "{ids:?}");
@@ -307,7 +309,20 @@ fn a_file_of_somebody_is_compared_after_two_commands() {
         &at("page.html"),
     ]);
     let said = String::from_utf8_lossy(&compared.stdout);
-    assert!(compared.status.success() && said.contains("swing.csv: the model"), "{said}");
+    assert!(compared.status.success() && said.contains("swing.csv, swing: the model"), "{said}");
+    // Without --html the page is named by the file, and none is written over.
+    for page in ["swing.compare.html", "swing.compare_2.html"] {
+        let compared = whorl(&["compare", &at("swing.csv"), "--channels", &map, "--model", &model]);
+        let said = String::from_utf8_lossy(&compared.stdout);
+        assert!(
+            compared.status.success() && said.contains(page) && folder.path().join(page).is_file(),
+            "{said}"
+        );
+    }
+    for command in ["compare", "report"] {
+        let lines = refused(&[command, &at("swing.csv")]);
+        assert!(lines[0].contains(&format!("`whorl new {}`", at("swing.csv"))), "{lines:?}");
+    }
     // What is there is somebody's.
     let again = refused(&["new", &at("swing.csv"), "--out", &at("rigs")]);
     assert!(again[0].contains("is there already"), "{again:?}");

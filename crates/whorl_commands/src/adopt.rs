@@ -10,7 +10,7 @@ use whorl_node::Timestamp;
 use whorl_params::{EFFECTS_FOLDER, effect_files_beside, effect_yaml};
 
 use crate::model_file;
-use crate::runs::Runs;
+use crate::runs::{Runs, quoted};
 
 /// Version of the JSON output.
 const SCHEMA: u32 = 2;
@@ -45,7 +45,11 @@ pub fn write(
     write_effects(out, adoption, provenance)?;
     let written = model_file::write_step(out, &runs.known, &changes, adoption.step(provenance), now)?;
     let file = out.display();
-    Ok(format!("{file}: {written} entries written; `whorl history {file}` lists what was adopted."))
+    let named = quoted(&file.to_string());
+    Ok(format!(
+        "{file}: {written} entries written; `whorl history {named}` lists what was adopted, `whorl adopt --undo --out {named}` \
+         takes it back."
+    ))
 }
 
 /// Puts the file of every written effect of the new model into `effects/` beside it, where readers of the model look,

@@ -30,7 +30,7 @@ pub fn refitted(
     }
 }
 
-/// Everything; `given` are the runs compared with the model as given, where it was refitted.
+/// Everything of one platform; `given` are the runs compared with the model as given, where it was refitted.
 ///
 /// # Errors
 /// When a number cannot be serialised.

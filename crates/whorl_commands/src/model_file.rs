@@ -1,12 +1,16 @@
 //! Changes of a model, written into its parameter file.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
+use sha2::{Digest, Sha256};
 use whorl_explain::changes::{Change, of_step};
 use whorl_node::Timestamp;
 use whorl_params::{ModelStep, set_in_text};
 use whorl_recording::{KnownPlatform, read_model};
+
+/// Folder beside a parameter file in which its text before each step is kept.
+const KEPT: &str = "history";
 
 /// Writes the changes into an existing file and notes them there as the next step of the model's history. `step` has
 /// neither number nor date; `now` \[UTC\] becomes its date. Returns how many entries were written.
@@ -26,8 +30,47 @@ pub fn write_step(
     let number = history.last().map_or(1, |last| last.number.saturating_add(1));
     let date = Some(whorl_bag::utc(now));
     let all = [changes, of_step(&ModelStep { number, date, ..step }).as_slice()].concat();
-    write(file, &known.platform, &all)?;
+    write(file, &known.platform, &all, number)?;
     Ok(all.len())
+}
+
+/// Takes the last step of a model's history back: the file is as it was before, to the letter. Returns that step.
+///
+/// # Errors
+/// When there is none; when the file was changed since, or its text before is not kept.
+pub fn undo_step(file: &Path, platform: Option<&str>) -> anyhow::Result<ModelStep> {
+    let known = read_model(file, platform)?;
+    let name = file.display();
+    let Some(step) = known.history.last().cloned() else {
+        bail!("{name} has no history: nothing was adopted into it");
+    };
+    let number = step.number;
+    let kept = kept_file(file, number);
+    let text = whorl_files::read_text(&kept).with_context(|| {
+        format!("the text of {name} before step {number} is not kept in {}", kept.display())
+    })?;
+    let (head, before) = text.split_once('\n').unwrap_or((&text, ""));
+    let now = whorl_files::read_text(file).with_context(|| format!("cannot read {name}"))?;
+    if !head.ends_with(&hash(&now)) {
+        bail!(
+            "{name} was changed after step {number}, which cannot be taken back by itself; its text before is {}: compare the \
+             two and change it by hand",
+            kept.display()
+        );
+    }
+    whorl_files::write_file(file, before).with_context(|| format!("cannot write {name}"))?;
+    std::fs::remove_file(&kept).with_context(|| format!("cannot remove {}", kept.display()))?;
+    Ok(step)
+}
+
+/// `params/history/whorl_1_before_step_3.yaml` of `params/whorl_1.yaml`.
+fn kept_file(file: &Path, number: u32) -> PathBuf {
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+    file.with_file_name(KEPT).join(format!("{stem}_before_step_{number}.yaml"))
+}
+
+fn hash(text: &str) -> String {
+    Sha256::digest(text).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Makes sure that there is a file to write into: a copy of the model's where there is none.
@@ -48,15 +91,25 @@ pub fn prepare_out(out: &Path, known: &KnownPlatform) -> anyhow::Result<()> {
         .with_context(|| format!("cannot copy {} to {}", file.display(), out.display()))
 }
 
-/// Writes the file anew with all changes, or leaves it as it is.
-fn write(file: &Path, platform: &str, changes: &[Change]) -> anyhow::Result<()> {
+/// Writes the file anew with all changes, or leaves it as it is. What it was before this step is kept.
+fn write(file: &Path, platform: &str, changes: &[Change], number: u32) -> anyhow::Result<()> {
     let name = file.display().to_string();
-    let mut text = whorl_files::read_text(file).with_context(|| format!("cannot read {name}"))?;
+    let before = whorl_files::read_text(file).with_context(|| format!("cannot read {name}"))?;
+    let mut text = before.clone();
     for change in changes {
         let comment = (!change.comment.is_empty()).then_some(change.comment.as_str());
         text = set_in_text(&name, &text, &format!("/{platform}/**"), &change.key, &change.value, comment)
             .with_context(|| format!("cannot set {}", change.key))?;
     }
+    let kept = kept_file(file, number);
+    let folder = kept.parent().unwrap_or(Path::new(KEPT));
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    let head = format!(
+        "# {name} before step {number}, for `whorl adopt --undo`; hash (SHA-256) of the file after it: {}\n",
+        hash(&text)
+    );
+    whorl_files::write_file(&kept, head + &before)
+        .with_context(|| format!("cannot write {}", kept.display()))?;
     whorl_files::write_file(file, text).with_context(|| format!("cannot write {name}"))
 }
 
@@ -92,7 +145,12 @@ mod tests {
         prior.actuators.wheels.spin_inertia[1] = 0.002;
         model.jets_mut()[4].thrust_n = 0.391;
         let changes = changes((&known.model, &model), (&known.prior, &prior), "run a, sha256 1234");
-        write(&file, &known.platform, &changes).unwrap();
+        let before = std::fs::read_to_string(&file).unwrap();
+        let step = ModelStep {
+            effects: vec!["bearing_coulomb_friction".into()],
+            ..ModelStep::of_source("run a".into())
+        };
+        write_step(&file, &known, &changes, step, Timestamp(0)).unwrap();
         let again = whorl_recording::read_model(&file, None).unwrap();
         assert!((again.model.effects["bearing_coulomb_friction"]["torque_n_m"] - 0.020_012).abs() < 1e-9);
         assert!((again.model.mass_properties.inertia_b_kg_m2()[(2, 2)] - 12.2846).abs() < 1e-9);
@@ -113,5 +171,15 @@ mod tests {
         let comments = |text: &str| text.lines().filter(|l| l.trim_start().starts_with('#')).count();
         assert!(comments(&new) >= comments(&old));
         assert!(new.contains("adopted, was 12.1"), "{new}");
+
+        // What somebody wrote since is not lost; else it is taken back to the letter.
+        std::fs::write(&file, format!("{new}# by hand\n")).unwrap();
+        let error = undo_step(&file, None).unwrap_err().to_string();
+        assert!(error.contains("history/whorl_1_before_step_1.yaml"), "{error}");
+        std::fs::write(&file, &new).unwrap();
+        let undone = undo_step(&file, None).unwrap();
+        assert_eq!((undone.number, undone.effects), (1, vec!["bearing_coulomb_friction".to_owned()]));
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), before);
+        assert!(undo_step(&file, None).unwrap_err().to_string().contains("has no history"));
     }
 }

@@ -10,6 +10,7 @@ use whorl_math::rad_from_deg;
 use whorl_params::ParameterTree;
 use whorl_report::{Circumstances, Collector, Description, RunData, RunVerdict, Summary, TopicRow};
 
+use crate::runs::{is_csv, of_new, page_of};
 use crate::shapes::{number, shapes};
 
 /// Key of the recorder's note that its computer's clock was set.
@@ -86,10 +87,15 @@ pub fn read(path: &Path) -> anyhow::Result<ReadRun> {
 /// # Errors
 /// As [`read`], and when a file cannot be written.
 pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
-    let page = html.map_or_else(
-        || if path.is_dir() { path.join("report.html") } else { path.with_extension("html") },
-        Path::to_owned,
-    );
+    if is_csv(path) {
+        bail!(
+            "{}: a report is of a run that Whorl recorded, and a CSV file is none: {} writes model and map of its columns, with which \
+             `whorl compare` and the others take it",
+            path.display(),
+            of_new(path)
+        );
+    }
+    let page = html.map_or_else(|| page_of(path, "report.html"), Path::to_owned);
     // Before the work, which may take minutes.
     let mut file = NewFile::create(&page)
         .with_context(|| format!("cannot write {}; --html takes another place", page.display()))?;

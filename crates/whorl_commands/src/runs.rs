@@ -7,7 +7,8 @@ use whorl_bag::CsvMap;
 use whorl_explain::Case;
 use whorl_objects::{is_remote, local};
 use whorl_recording::{
-    KnownPlatform, ReadOptions, Recording, platform_parts, read_csv, read_model, read_run_with,
+    KnownPlatform, ReadOptions, Recording, RecordingError, platform_parts, read_csv, read_model,
+    read_run_with,
 };
 
 /// Where runs and their model are.
@@ -59,11 +60,49 @@ impl RunSources {
         match read_model(source, self.platform.as_deref()) {
             Err(_) if self.model.is_none() && is_csv(first) => {
                 bail!(
-                    "{}: a CSV file holds no parameters: name the platform's file, e.g. --model params/whorl_1.yaml",
-                    first.display()
+                    "{}: a CSV file holds no parameters: name the platform's file, e.g. --model params/whorl_1.yaml; for a rig of \
+                     your own {} writes one, and the map of its columns",
+                    first.display(),
+                    of_new(first)
                 )
             }
             read => Ok(read?),
+        }
+    }
+
+    /// A command about these runs, to be copied: `whorl where 'my run' --held-out b --model m.yaml`; `further` are its other words.
+    #[must_use]
+    pub fn command(&self, name: &str, further: &[&str]) -> String {
+        let path = |path: &PathBuf| quoted(&path.display().to_string());
+        let mut words = vec!["whorl".to_owned(), name.to_owned()];
+        words.extend(self.runs.iter().map(path));
+        words.extend(further.iter().map(|word| quoted(word)));
+        words.extend(self.held_out.iter().flat_map(|run| ["--held-out".to_owned(), path(run)]));
+        for (option, file) in [("--model", &self.model), ("--channels", &self.channels)] {
+            words.extend(file.iter().flat_map(|file| [option.to_owned(), path(file)]));
+        }
+        words.extend(self.platform.iter().flat_map(|name| ["--platform".to_owned(), quoted(name)]));
+        words.join(" ")
+    }
+
+    /// Where a command is to write a changed model: the model's file; a run keeps the parameters with which it was made.
+    #[must_use]
+    pub fn out(&self) -> String {
+        self.model.as_ref().map_or_else(|| "better.yaml".to_owned(), |model| model.display().to_string())
+    }
+
+    /// The same for each platform whose model there is, where none was chosen.
+    ///
+    /// # Errors
+    /// As [`Self::read_model`].
+    pub fn of_each_platform(&self) -> anyhow::Result<Vec<Self>> {
+        let of = |platform: String| Self { platform: Some(platform), ..self.clone() };
+        match self.read_model() {
+            Ok(_) => Ok(vec![self.clone()]),
+            Err(error) => match error.downcast::<RecordingError>()? {
+                RecordingError::SeveralModels { present, .. } => Ok(present.into_iter().map(of).collect()),
+                other => Err(other.into()),
+            },
         }
     }
 
@@ -127,8 +166,9 @@ impl RunSources {
         };
         let mut recordings = match (is_csv(path), &self.channels) {
             (true, None) => bail!(
-                "{}: a CSV file needs a map of its columns, --channels MAP.yaml: docs/recordings.md shows one",
-                path.display()
+                "{}: a CSV file needs a map of its columns, --channels MAP.yaml: {} writes one (docs/recordings.md)",
+                path.display(),
+                of_new(path)
             ),
             (true, Some(map)) => {
                 let map = CsvMap::load_for(map, &platform_parts(known))?;
@@ -207,6 +247,22 @@ impl Runs {
     }
 }
 
+/// The command that makes a model and a map of a file, to be copied.
+#[must_use]
+pub fn of_new(file: &Path) -> String {
+    format!("`whorl new {}`", quoted(&file.display().to_string()))
+}
+
+/// A word as a shell takes it: in quotes where it has a space or another character that a shell would not leave alone.
+#[must_use]
+pub fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./=:,+@%".contains(c) || !c.is_ascii();
+    if !word.is_empty() && word.chars().all(is_plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', "'\\''"))
+}
+
 /// A CSV file, plain or compressed.
 #[must_use]
 pub fn is_csv(path: &Path) -> bool {
@@ -219,13 +275,32 @@ fn effects_of(known: &KnownPlatform) -> String {
     if ids.is_empty() { "none".to_owned() } else { ids.join(", ") }
 }
 
+/// Where the page of a command goes by itself: into a run's directory, where it takes the place of an earlier one; beside a file,
+/// named by it (`swing.compare.html` of `swing.csv`), with a number where there is one already. For runs in object storage: here.
+#[must_use]
+pub fn page_of(run: &Path, name: &str) -> PathBuf {
+    if is_remote(run) {
+        return PathBuf::from(name);
+    }
+    if run.is_dir() {
+        return run.join(name);
+    }
+    let file = run.file_name().unwrap_or_default().to_string_lossy();
+    let stem =
+        [".csv.gz", ".csv", ".mcap"].iter().find_map(|ending| file.strip_suffix(ending)).unwrap_or(&file);
+    let page = name.strip_suffix(".html").unwrap_or(name);
+    let first = run.with_file_name(format!("{stem}.{name}"));
+    let others = (2..u32::MAX).map(|number| run.with_file_name(format!("{stem}.{page}_{number}.html")));
+    std::iter::once(first.clone()).chain(others).find(|path| !path.exists()).unwrap_or(first)
+}
+
 /// Links the pages of a run that stand beside this one.
 ///
 /// # Errors
 /// When one cannot be written.
 pub fn link_pages_beside(page: &Path) -> anyhow::Result<()> {
     let folder = page.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    whorl_report::link_pages(folder).with_context(|| format!("cannot link the pages in {}", folder.display()))
+    whorl_report::link_pages(page).with_context(|| format!("cannot link the pages in {}", folder.display()))
 }
 
 /// Writes a file.

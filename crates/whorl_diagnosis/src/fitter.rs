@@ -80,7 +80,9 @@ impl<'a> Fitter<'a> {
             units
         };
         let starts = [with_base(vec![0.0; found.len()]), with_base(found.clone()), found];
-        Ok(refit.fit(self.training, &starts, self.options)?.1)
+        let (fitted, mut fit) = refit.fit(self.training, &starts, self.options)?;
+        fit.take_ties(refit.ties(self.training, &fitted, &chosen, self.options)?);
+        Ok(fit)
     }
 
     /// Effects of these ids that the model does not have yet.

@@ -38,7 +38,7 @@ pub use directions::{Direction, Directions, Measured, Suspect, directions};
 pub use error::DiagnosisError;
 pub use fitter::{Fitter, fit};
 pub use options::{Options, Progress};
-pub use refit::{Fit, FittedParameter};
+pub use refit::{Fit, FittedParameter, Tie};
 pub use search::expected_information::{ExpectedInformation, InformationByRun, expected_information};
 pub use settings::{Allowed, Setting, Settings};
 

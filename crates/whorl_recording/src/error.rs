@@ -168,12 +168,12 @@ pub enum RecordingError {
         expected: String,
     },
     /// Models of several platforms, and none was chosen.
-    #[error("{}: it holds the models of {}: choose one with --platform", path.display(), or_none(present))]
+    #[error("{}: it holds the models of {}: choose one with --platform", path.display(), or_none(&present.join(" and ")))]
     SeveralModels {
         /// Parameter file or run.
         path: PathBuf,
         /// The platforms that there are.
-        present: String,
+        present: Vec<String>,
     },
     /// No model in parameter files.
     #[error("{}: there is no platform model in it (group `model`); {hint}", path.display())]

@@ -110,7 +110,6 @@ pub fn read_model(source: &Path, platform: Option<&str>) -> Result<KnownPlatform
         (None, []) => only_platform(source)
             .unwrap_or_else(|| source.file_stem().unwrap_or_default().to_string_lossy().into_owned()),
         (None, _) => {
-            let present = present.join(" and ");
             return Err(RecordingError::SeveralModels { path: source.to_owned(), present });
         }
     };

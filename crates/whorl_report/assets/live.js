@@ -44,6 +44,7 @@
 
   let latest = null;
   let plotted = -Infinity;
+  let grown = false;
   let arrived = -Infinity;
   const draw = () => {
     requestAnimationFrame(draw);
@@ -57,17 +58,24 @@
     by("clock").textContent = frame.length_s > 0 ? `${frame.run_s.toFixed(1)} of ${frame.length_s.toFixed(0)} s` : "";
     by("state").textContent = [frame.experiment, frame.law, frame.phase, frame.step].filter(Boolean).join(" · ");
     by("faults").replaceChildren(...frame.faults.map(([who, what]) => Object.assign(document.createElement("li"), { textContent: `${who}: ${what}` })));
-    if (frame.t - plotted < 1 / PLOTS_PER_S) return;
-    // A server that began anew has a new clock.
-    if (frame.t < plotted) for (const { curves } of plots) for (const c of curves) c.x.length = c.y.length = 0;
+    if (!grown) return;
+    grown = false;
+    for (const { chart, curves } of plots) chart.set(curves);
+  };
+  // Every frame, also those of before this page was opened, which come first and all at once.
+  const plot = (frame) => {
+    // A server that began anew has a new clock; one that was lost for a while tells the past again.
+    if (frame.t < plotted) {
+      for (const { curves } of plots) for (const c of curves) c.x.length = c.y.length = 0;
+    } else if (frame.t - plotted < 1 / PLOTS_PER_S) return;
     plotted = frame.t;
-    for (const { chart, curves } of plots) {
+    grown = true;
+    for (const { curves } of plots) {
       for (const c of curves) {
         c.x.push(frame.t);
         c.y.push(c.of(frame) ?? null);
         while (c.x.length && c.x[0] < frame.t - SHOWN_S) { c.x.shift(); c.y.shift(); }
       }
-      chart.set(curves);
     }
   };
   requestAnimationFrame(draw);
@@ -79,6 +87,7 @@
     socket.onopen = () => { wait = 250; by("connection").textContent = "live"; };
     socket.onmessage = (message) => {
       latest = JSON.parse(message.data);
+      plot(latest);
       arrived = performance.now();
       by("connection").textContent = "live";
       document.body.dataset.frames = Number(document.body.dataset.frames || 0) + 1;

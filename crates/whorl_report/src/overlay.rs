@@ -94,6 +94,7 @@ pub fn overlay_html(
     for answer in answers {
         page.paragraph("answer", answer);
     }
+    errors_in_hold(&mut page, names, &pair_differences(runs));
     page.heading("Parameters that differ");
     if parameters.is_empty() {
         page.paragraph("", "None.");
@@ -107,7 +108,6 @@ pub fn overlay_html(
             ["parameter", "nodes"].into_iter().chain(names.iter().map(String::as_str)).collect();
         page.table(&headings, &rows);
     }
-    errors_in_hold(&mut page, names, &pair_differences(runs));
     let span = (0.0, runs.iter().map(|run| run.duration_s).fold(0.0, f64::max));
     page.set_timeline(Timeline::plain(span));
     let mut each = runs.iter().map(|run| sections(run));

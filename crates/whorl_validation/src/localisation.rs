@@ -21,8 +21,13 @@ const WORTH_NAMING: f64 = 0.15;
 /// Time is named only if it explains this much more than every other quantity, because any slow torque is a smooth
 /// function of time.
 const TIME_MARGIN: f64 = 0.25;
-/// A constant torque is preferred as simpler if its share is within this margin of the best curve's.
+/// A constant torque has a name if it is so much of what the best curve explains; a quantity beside it is named for what it adds.
+const CONSTANT_OF_BEST: f64 = 0.75;
+/// Shares of a constant torque in two frames that differ by less do not tell the frames apart.
 const CONSTANT_MARGIN: f64 = 0.07;
+
+/// Share of a torque's size beyond which it is about one axis.
+const ABOUT_ONE: f64 = 0.95;
 
 /// Where a model fails in one run, or in several together.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -103,9 +108,10 @@ pub fn explain_where(runs: &[&Followed<'_>], model: &PlatformModel) -> Result<Lo
         let of: Vec<_> = states.iter().map(|state| state.torque_b_n_m).collect();
         let attitudes: Vec<_> = states.iter().map(|state| state.q_world_body).collect();
         let pushes = torques.levels.body_stddev_b_n_m().iter().any(|level| *level > 0.0);
-        let residual = || Residual::of_body(times(torques), &of, &noise, &attitudes);
-        let on_shaft = model.freedom.axes() == 1;
-        pushes.then(|| if on_shaft { residual().on_shaft() } else { residual() })
+        pushes.then(|| match model.freedom.hinge_axis_b() {
+            Some(axis_b) => Residual::on_hinge(times(torques), &of, &noise, &axis_b),
+            None => Residual::of_body(times(torques), &of, &noise, &attitudes),
+        })
     };
     let mut motors = Vec::new();
     for (j, wheel) in model.wheels().iter().enumerate() {
@@ -192,33 +198,23 @@ fn three_digits_milli(rms_n_m: f64, stddev_n_m: f64) -> String {
 /// One sentence for each quantity that explains much.
 fn named(found: &Dependences) -> Vec<String> {
     let mut sentences = Vec::new();
-    let best = found.ranked.first().map_or(0.0, |d| d.share);
-    let of_wheel = found.ranked.first().is_some_and(|d| d.frame == Frame::Wheel);
-    let (constant, frame, mean) = if found.constant_world_share > found.constant_body_share {
-        (found.constant_world_share, "fixed to the room (east, north, up)", &found.mean_world_n_m[..])
-    } else if of_wheel {
-        (found.constant_body_share, "about the wheel's axis", &found.mean_b_n_m[..1])
-    } else {
-        (found.constant_body_share, "fixed to the platform (x, y, z)", &found.mean_b_n_m[..])
-    };
-    if constant > WORTH_NAMING && constant + CONSTANT_MARGIN >= best {
-        let mean: Vec<String> = mean.iter().map(|x| three_digits(x * 1e3)).collect();
-        sentences.push(format!(
-            "{:.0} % of the excess is a constant torque {frame}: {} mN m.",
-            constant * 100.0,
-            mean.join(", ")
-        ));
-    }
     let other = found.ranked.iter().filter(|d| d.variable != "time").map(|d| d.share).fold(0.0, f64::max);
+    let constant = found.constant_world_share.max(found.constant_body_share);
+    let is_constant = constant > WORTH_NAMING && constant >= CONSTANT_OF_BEST * other;
+    if is_constant {
+        sentences.push(format!("{:.0} % of the excess is {}.", constant * 100.0, constant_torque(found)));
+    }
+    // What is constant is a function of anything.
+    let least = if is_constant { constant + WORTH_NAMING } else { WORTH_NAMING };
     let is_named =
-        |d: &&Dependence| d.share > WORTH_NAMING && (d.variable != "time" || d.share > other + TIME_MARGIN);
+        |d: &&Dependence| d.share > least && (d.variable != "time" || d.share > other + TIME_MARGIN);
     sentences.extend(found.ranked.iter().filter(is_named).take(NAMED).map(sentence));
     if let Some(line) = found.line {
         sentences.push(format!(
             "An oscillation of {} mN m at {:.3} Hz about {} holds {:.0} % of that axis' power.",
             three_digits(line.amplitude_n_m * 1e3),
             line.frequency_hz,
-            axis_name(line.frame, line.axis),
+            line.frame.about(line.axis),
             line.share * 100.0
         ));
     }
@@ -228,23 +224,41 @@ fn named(found: &Dependences) -> Vec<String> {
     sentences
 }
 
-fn axis_name(frame: Frame, axis: usize) -> &'static str {
-    match (frame, axis) {
-        (Frame::Body, 0) => "body x",
-        (Frame::Body, 1) => "body y",
-        (Frame::Body, _) => "body z",
-        (Frame::World, 0) => "east",
-        (Frame::World, 1) => "north",
-        (Frame::World, _) => "the vertical",
-        (Frame::Wheel, _) => "the wheel's axis",
+/// "a constant torque of 30.0 mN m about the vertical", or by its components where it is about no axis.
+fn constant_torque(found: &Dependences) -> String {
+    let in_world = found.constant_world_share > found.constant_body_share;
+    let (frame, mean) =
+        if in_world { (Frame::World, found.mean_world_n_m) } else { (found.frame, found.mean_b_n_m) };
+    let axes = frame.axes();
+    let mean = &mean[..axes.len()];
+    let size = mean.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let Some(axis) = mean.iter().position(|x| x.abs() > ABOUT_ONE * size) else {
+        let listed = |of: &[f64]| of.iter().map(|x| three_digits(x * 1e3)).collect::<Vec<_>>().join(", ");
+        let fixed = if in_world { "room" } else { "platform" };
+        return format!(
+            "a constant torque fixed to the {fixed}: {} mN m about {}",
+            listed(mean),
+            axes.join(", ")
+        );
+    };
+    let told = format!("a constant torque of {} mN m about", three_digits(mean[axis] * 1e3));
+    let is_upright = (found.constant_world_share - found.constant_body_share).abs() < CONSTANT_MARGIN
+        && axis == 2
+        && found.mean_world_n_m[2].abs() > 0.0;
+    match (is_upright, frame) {
+        // A platform that stands upright turns about both alike.
+        (true, _) => format!("{told} the vertical, or body z, which was close to it"),
+        (false, Frame::World) => format!("{told} {}, fixed to the room", frame.about(axis)),
+        (false, Frame::Body) => format!("{told} {}, fixed to the platform", frame.about(axis)),
+        (false, _) => format!("{told} {}", frame.about(axis)),
     }
 }
 
 /// "71 % of the excess is a function of yaw rate (about body z; odd; saturates)".
 fn sentence(d: &Dependence) -> String {
     let mut notes = Vec::new();
-    if d.frame != Frame::Wheel {
-        notes.push(format!("mostly about {}", axis_name(d.frame, d.axis)));
+    if d.frame.axes().len() > 1 {
+        notes.push(format!("mostly about {}", d.frame.about(d.axis)));
     }
     match d.parity {
         Parity::Odd => notes.push("odd".to_owned()),

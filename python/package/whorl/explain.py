@@ -90,7 +90,7 @@ class Comparison(Answer):
             for channel in run["channels"]
         ]
         horizons: List[Dict[str, Any]] = next((channel["horizons"] for run in self.data["runs"] for channel in run["channels"]), [])
-        return ["run", "channel", "unit", "noise"] + [f"error / noise, {horizon_name(h)}" for h in horizons], rows
+        return ["run", "channel", "unit", "noise"] + [f"{horizon_name(h)}: ratio" for h in horizons], rows
 
 
 def horizon_name(horizon: Dict[str, Any]) -> str:
@@ -109,7 +109,7 @@ class Located(Answer):
         return {name: found["ranked"] for name, found in of.items() if found is not None}
 
     def _table(self) -> Tuple[List[str], List[List[str]]]:
-        axes = {"body": "xyz", "world": ("east", "north", "up"), "wheel": ("axis",)}
+        axes = {"body": "xyz", "world": ("east", "north", "up"), "wheel": ("axis",), "hinge": ("axis",)}
         rows = [
             [of, d["variable"], d["frame"], f"{100 * d['share']:.0f}", axes[d["frame"]][d["axis"]], d["parity"], d["growth"]]
             for of, ranked in self.ranked.items()

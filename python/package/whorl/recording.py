@@ -58,7 +58,9 @@ class Recording:
         """A recording of arrays; no files are needed.
 
         channels: by key, times [s] of shape (n,) and values of shape (n, 3) for axes, (n, wheels) for wheels, (n,) for single
-            numbers, (n, 4) for attitudes (w, x, y, z). Each channel has its own times; they need not agree.
+            numbers, (n, 4) for attitudes (w, x, y, z). Each channel has its own times; they need not agree. Of a gyro or
+            accelerometer with one axis the values have shape (n,): of that axis (`gyro_z`), or as `gyro` with the model of a rig
+            on a hinge along a body axis.
         model: the platform's parameter file, or a `Platform`; wheels and jets are checked against it.
         units: by key, where the unit is not the SI unit: `{"gyro": "deg/s"}`; `whorl.channels()[key].units` are allowed.
         reference_world: by key (`vector_1`), the direction that a vector sensor sees, east, north, up; default: the model's.
@@ -75,9 +77,13 @@ class Recording:
                 time_s, values = given
             except (TypeError, ValueError):
                 raise WhorlError(f"{key}: allowed: a pair of times and values") from None
-            samples.append(
-                (base, sensor, _times(key, time_s), _rows(key, values), units.pop(key, None), references.pop(key, None))
-            )
+            rows = _rows(key, values)
+            axis = _axis(key)
+            if axis is not None:
+                base, rows = axis[0], _of_one_axis(key, rows, axis[1])
+            elif rows.shape[1] == 1 and _has_axes(base):
+                rows = _of_one_axis(key, rows, _hinge(key, platform))
+            samples.append((base, sensor, _times(key, time_s), rows, units.pop(key, None), references.pop(key, None)))
         for left, what in ((units, "units"), (references, "reference_world")):
             if left:
                 raise WhorlError(f"{what}: {next(iter(left))} is not among the channels: {', '.join(channels)}")
@@ -307,6 +313,38 @@ def _key(key: str) -> Tuple[str, int]:
     if row is not None and row.sensors > 1 and number.isdigit() and int(number) >= 1:
         return base, int(number) - 1
     return key, 0
+
+
+def _has_axes(base: str) -> bool:
+    """Whether it is a sensor of three axes of which some may be missing."""
+    row: Optional[Channel] = table().get(base)
+    return row is not None and row.sensors == 1 and row.components == tuple("xyz")
+
+
+def _axis(key: str) -> Optional[Tuple[str, NDArray[np.float64]]]:
+    """Of `gyro_z` the channel `gyro` and the axis z."""
+    base, _, axis = key.rpartition("_")
+    if axis in ("x", "y", "z") and _has_axes(base) and key not in table():
+        return base, np.eye(3)["xyz".index(axis)]
+    return None
+
+
+def _hinge(key: str, platform: Optional[Platform]) -> NDArray[np.float64]:
+    """The axis of a rig's hinge, if it is one of the body's."""
+    axis = None if platform is None else platform.hinge_axis_b
+    if axis is None or max(map(abs, axis)) < 1.0 - 1e-9:
+        raise WhorlError(
+            f"{key}: a sample has one number; allowed: (n, 3), or the name of the axis ({key}_x, {key}_y, {key}_z), or the model of a "
+            "rig on a hinge along a body axis"
+        )
+    return np.array(axis)
+
+
+def _of_one_axis(key: str, rows: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Samples of three axes; NaN on those that were not measured."""
+    if rows.shape[1] != 1:
+        raise WhorlError(f"{key}: values have shape {rows.shape}; allowed: (n,)")
+    return np.where(np.abs(axis) > 0.5, rows * np.round(axis), np.nan)
 
 
 def _name(key: str, sensor: int) -> str:

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use whorl_commands::adopt::{as_json, write};
+use whorl_commands::model_file::undo_step;
 use whorl_commands::options;
 use whorl_dynamics::effects::find;
 use whorl_explain::adopt;
@@ -17,13 +18,13 @@ use crate::effects::{is_effect_file, unknown};
 use crate::output::say;
 use crate::progress;
 use crate::provenance::provenance_of_this;
-use crate::runs::{OutputArguments, RunArguments, RunContext};
+use crate::runs::{OutputArguments, RunArguments, RunContext, RunSources};
 
 /// Arguments of `whorl adopt`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Runs to fit, then the effects to adopt: ids, or files of effects (NAME.yaml).
-    #[arg(required = true, value_name = "RUN... EFFECT")]
+    /// Runs to fit, then the effects to adopt: ids, or files of effects (NAME.yaml); A B and A+B are the same.
+    #[arg(required_unless_present = "undo", value_name = "RUN... EFFECT")]
     items: Vec<String>,
     /// Parameter file to change.
     #[arg(long, value_name = "FILE", required_unless_present = "try_")]
@@ -31,6 +32,9 @@ pub struct Arguments {
     /// Compares candidates side by side and writes nothing; `+` joins effects to a set: a,b+c.
     #[arg(long = "try", value_name = "A,B", value_delimiter = ',')]
     try_: Vec<String>,
+    /// Takes the last step of the history of the file --out back, to the letter.
+    #[arg(long, conflicts_with_all = ["items", "try_", "anyway", "held_out", "model", "html"])]
+    undo: bool,
     /// Writes even if the held-out runs are predicted worse, or a mass property moves implausibly far.
     #[arg(long)]
     anyway: bool,
@@ -42,6 +46,9 @@ pub struct Arguments {
 
 /// Carries out `whorl adopt`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    if let (true, Some(out)) = (arguments.undo, &arguments.out) {
+        return undo(out, arguments.context.platform.as_deref());
+    }
     let items = with_files_loaded(arguments)?;
     let (run_paths, effects): (Vec<&String>, Vec<&String>) =
         items.iter().partition(|item| find(item).is_none() || Path::new(item.as_str()).exists());
@@ -116,10 +123,31 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let page = whorl_report::adoption_html(&adoption, &facts);
     let page = arguments.output.write_page(&run_arguments, "adopt.html", &page)?;
     say!("page: {}", page.display());
+    if let (true, Some(out)) = (arguments.try_.is_empty(), &arguments.out) {
+        // What was not fitted judges.
+        let runs = match run_arguments.context.held_out.as_slice() {
+            [] => run_arguments.runs.clone(),
+            held_out => held_out.to_vec(),
+        };
+        let sources =
+            RunSources { runs, held_out: Vec::new(), model: Some(out.clone()), ..run_arguments.sources() };
+        say!("next: {}", sources.command("compare", &[]));
+    }
     Ok(())
 }
 
-/// The items, files of effects replaced by the ids under which they are known from now on; effects that belong to the
+fn undo(file: &Path, platform: Option<&str>) -> anyhow::Result<()> {
+    let step = undo_step(file, platform)?;
+    let what = match step.effects.as_slice() {
+        [] => step.source.unwrap_or_default(),
+        effects => effects.join(" and "),
+    };
+    let date = step.date.map_or_else(String::new, |date| format!(" of {date}"));
+    say!("{} is as before step {}{date}: {what}", file.display(), step.number);
+    Ok(())
+}
+
+/// The items, sets (`A+B`) taken apart, files of effects replaced by the ids under which they are known from now on; effects that belong to the
 /// parameter files are known, too.
 fn with_files_loaded(arguments: &Arguments) -> anyhow::Result<Vec<String>> {
     let runs = arguments.items.iter().map(PathBuf::from).filter(|path| path.is_dir());
@@ -136,5 +164,13 @@ fn with_files_loaded(arguments: &Arguments) -> anyhow::Result<Vec<String>> {
         }
         Ok(load_effect(Path::new(item))?.info().id.to_owned())
     };
-    arguments.items.iter().map(named).collect()
+    let parts = |item: &String| -> Vec<String> {
+        // Names of runs may have a plus.
+        if Path::new(item).exists() {
+            vec![item.clone()]
+        } else {
+            item.split('+').map(str::to_owned).collect()
+        }
+    };
+    arguments.items.iter().flat_map(parts).map(|item| named(&item)).collect()
 }

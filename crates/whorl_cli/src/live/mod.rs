@@ -7,10 +7,11 @@ mod places;
 mod server;
 mod view;
 
+use std::collections::VecDeque;
 use std::io::Read;
 use std::net::{IpAddr, SocketAddr};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
@@ -42,6 +43,10 @@ pub const TOKEN: &str = "WHORL_LIVE_TOKEN";
 const PATIENCE: Duration = Duration::from_secs(20);
 /// Time between two frames.
 const FRAME: Duration = Duration::from_millis(33);
+/// What a page that is opened in mid-run gets first: the last minute, which is what its plots show, with as many frames a second as
+/// they have points.
+const PAST: usize = 60 * PAST_PER_S;
+const PAST_PER_S: usize = 4;
 /// Silence after which the reason is looked for.
 const SILENCE: Duration = Duration::from_secs(5);
 const SHARED: [Topic; 2] = [Topic::FormationState, Topic::Diagnostics];
@@ -97,7 +102,8 @@ async fn serve(arguments: &Arguments) -> anyhow::Result<()> {
     let subscription = Subscription::new(&network, &arguments.platforms, &SHARED, &OF_PLATFORMS)?;
     let token = if arguments.read_only { None } else { Some(chosen_token().map_or_else(secret, Ok)?) };
     let (frames, _) = watch::channel(Utf8Bytes::default());
-    let failed = feed(subscription, arguments.platforms.clone(), frames.clone())?;
+    let past = Past::default();
+    let failed = feed(subscription, arguments.platforms.clone(), frames.clone(), Arc::clone(&past))?;
 
     let looks = Looks::new(arguments);
     let page = Box::new(move || live_html(&looks.shapes()));
@@ -117,6 +123,7 @@ async fn serve(arguments: &Arguments) -> anyhow::Result<()> {
         address,
         page,
         frames,
+        past,
         token,
         foxglove,
         browsers: Places::new(BROWSERS),
@@ -144,18 +151,23 @@ fn stop_signal() -> anyhow::Result<tokio::sync::oneshot::Receiver<()>> {
     Ok(stopped)
 }
 
+/// Frames of the last minute, oldest first.
+type Past = Arc<Mutex<VecDeque<Utf8Bytes>>>;
+
 /// Listens to the formation in a thread of its own and replaces the frame. The error, if there is one, comes through
 /// the channel.
 fn feed(
     mut subscription: Subscription,
     platforms: Vec<String>,
     frames: watch::Sender<Utf8Bytes>,
+    past: Past,
 ) -> anyhow::Result<tokio::sync::oneshot::Receiver<anyhow::Error>> {
     let (failed, receiver) = tokio::sync::oneshot::channel();
     std::thread::Builder::new().name("formation".to_owned()).spawn(move || {
         let begun = Instant::now();
         let mut view = View::default();
         let (mut heard, mut hinted) = (false, false);
+        let mut kept = 0;
         loop {
             std::thread::sleep(FRAME);
             let now_s = begun.elapsed().as_secs_f64();
@@ -172,10 +184,22 @@ fn feed(
                 hinted = true;
                 tell(subscription.hint());
             }
-            // Without a browser nothing is written.
-            if frames.receiver_count() > 0 {
-                let frame = view.frame(now_s, &platforms);
-                frames.send_replace(serde_json::to_string(&frame).unwrap_or_default().into());
+            // Without a browser nothing is written but the past of one that comes.
+            let (is_watched, quarter) = (frames.receiver_count() > 0, (now_s * PAST_PER_S as f64) as u64);
+            if !is_watched && quarter == kept {
+                continue;
+            }
+            let frame = view.frame(now_s, &platforms);
+            let frame: Utf8Bytes = serde_json::to_string(&frame).unwrap_or_default().into();
+            if quarter != kept {
+                kept = quarter;
+                let mut past = past.lock().unwrap_or_else(PoisonError::into_inner);
+                past.push_back(frame.clone());
+                let many = past.len().saturating_sub(PAST);
+                past.drain(..many);
+            }
+            if is_watched {
+                frames.send_replace(frame);
             }
         }
     })?;

@@ -1,7 +1,7 @@
 //! The web server of the live page: the page, a stream of frames, and three commands.
 
 use std::net::SocketAddr;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
 use axum::Router;
@@ -18,10 +18,10 @@ use axum::routing::{get, post};
 use sha2::{Digest, Sha256};
 use tokio::sync::watch;
 
-use super::PATIENCE;
 use super::door::Visitor;
 use super::foxglove::{self, Feed};
 use super::places::{Place, Places};
+use super::{PATIENCE, Past};
 use crate::command::{request_abort, request_hold, request_start};
 
 /// Where Foxglove connects.
@@ -47,6 +47,8 @@ pub struct Server {
     pub page: Box<dyn Fn() -> String + Send + Sync>,
     /// The latest frame: a browser that is slow misses some, and nobody waits for it.
     pub frames: watch::Sender<Utf8Bytes>,
+    /// Frames of the last minute, for a page that is opened in mid-run.
+    pub past: Past,
     /// What a browser must know to command; `None`: nobody commands.
     pub token: Option<String>,
     /// Every topic, if it is served.
@@ -139,9 +141,10 @@ async fn frames(
     let operator = server.token.as_ref().is_some_and(|token| asks_with(&headers, token));
     let Some(place) = server.browsers.take(operator) else { return all_taken() };
     let receiver = server.frames.subscribe();
+    let past = Arc::clone(&server.past);
     upgrade.protocols([FRAMES]).max_message_size(LARGEST_REQUEST).on_upgrade(move |socket| {
         visitor.upgraded();
-        stream(socket, receiver, place)
+        stream(socket, past, receiver, place)
     })
 }
 
@@ -152,7 +155,13 @@ fn asks_with(headers: &HeaderMap, token: &str) -> bool {
     asked.flat_map(|value| value.split(',')).any(|name| Sha256::digest(name.trim()) == digest)
 }
 
-async fn stream(mut socket: WebSocket, mut frames: watch::Receiver<Utf8Bytes>, place: Place) {
+async fn stream(mut socket: WebSocket, past: Past, mut frames: watch::Receiver<Utf8Bytes>, place: Place) {
+    let past: Vec<Utf8Bytes> = past.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect();
+    for frame in past {
+        if !matches!(tokio::time::timeout(PATIENCE, socket.send(Message::Text(frame))).await, Ok(Ok(()))) {
+            return;
+        }
+    }
     let mut last_ping = tokio::time::Instant::now();
     let mut last_heard = last_ping;
     loop {

@@ -17,7 +17,7 @@ use whorl_report::{NextPage, PlannedMotion};
 use crate::explain::{ExplainArguments, SearchArguments};
 use crate::output::say;
 use crate::progress;
-use crate::runs::write;
+use crate::runs::{RunSources, quoted, write};
 use crate::table::print;
 
 /// Version of the JSON output.
@@ -80,14 +80,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     say!("\nexperiment: {}", out.display());
     let of_folder = folder
         .filter(|f| *f != Path::new("params") && f.join(format!("{}.yaml", known.platform)).is_file())
-        .map_or_else(String::new, |f| format!(" --params {}", f.display()));
-    say!(
-        "run it:     launch_scripts/run_experiment.sh {} --platforms {}{of_folder}",
-        out.display(),
-        known.platform
-    );
-    let given: Vec<String> = arguments.explain.runs.runs.iter().map(|r| r.display().to_string()).collect();
-    say!("then:       whorl diagnose {} NEW_RUN", given.join(" "));
+        .map_or_else(String::new, |f| format!(" --params {}", quoted(&f.display().to_string())));
+    let written = quoted(&out.display().to_string());
+    let new_run = format!("runs/{name}");
+    say!("next:       whorl simulate --experiment {written}{of_folder} --out {new_run}");
+    say!("  over DDS: whorl run {written} --platforms {}{of_folder}", known.platform);
+    let sources = arguments.explain.runs.sources();
+    let given = RunSources { runs: [sources.runs.as_slice(), &[PathBuf::from(new_run)]].concat(), ..sources };
+    say!("then:       {}", given.command("diagnose", &[]));
     let needed = needs_run(diagnosis.verdict);
     arguments.explain.write_json(|| Ok(as_json(&known.platform, &proposal, best, (needed, &answer))))?;
     let shown = NextPage {

@@ -342,7 +342,7 @@ fn channels(rows: &[(u64, Value)]) -> Table {
         .with("unit", of_channel("unit"))
         .with("noise_floor", Values::Numbers(all.iter().map(|(_, c, _)| number(c, "noise_floor")).collect()));
     // The horizon is null for the whole run.
-    for key in ["horizon_s", "rms", "ratio", "fit_percent"] {
+    for key in ["horizon_s", "rms", "predicted_stddev", "ratio", "fit_percent"] {
         table =
             table.with(key, Values::Numbers(all.iter().map(|(.., horizon)| number(horizon, key)).collect()));
     }

@@ -7,11 +7,12 @@ mod words;
 use std::collections::BTreeMap;
 
 use whorl_diagnosis::{DiagnosisError, Options};
-use whorl_params::ModelStep;
+use whorl_math::three_digits;
+use whorl_params::{ModelStep, Value};
 
 pub use versions::{BASE, CORRECTION, Version, versions};
 
-use crate::changes::{Change, changes};
+use crate::changes::{Change, changes, rounded};
 use crate::{Case, ExplainError, ProgressCallback};
 
 /// A prediction error that exceeds the previous one by this factor counts as worse.
@@ -92,7 +93,23 @@ impl Adoption {
     pub fn changes(&self, case: &Case<'_>, provenance: &str) -> Vec<Change> {
         let fit = self.versions.last().and_then(|v| v.fit.as_ref());
         fit.map_or_else(Vec::new, |fit| {
-            changes((case.model, &fit.model), (case.prior, &fit.prior), provenance)
+            let mut changes = changes((case.model, &fit.model), (case.prior, &fit.prior), provenance);
+            for tie in &fit.ties {
+                for (effect, name) in &tie.parameters {
+                    let key = format!("model.effects.{effect}.{name}");
+                    let Some(change) = changes.iter_mut().find(|change| change.key == key) else { continue };
+                    // The combination is known better than either.
+                    let value = fit.model.effects.get(effect).and_then(|values| values.get(name));
+                    change.value = Value::Double(rounded(value.copied().unwrap_or(0.0), tie.stddev));
+                    change.comment = format!(
+                        "[{}] {} +- {}, adopted; not told apart",
+                        tie.unit,
+                        tie.combination(),
+                        three_digits(tie.stddev)
+                    );
+                }
+            }
+            changes
         })
     }
 }

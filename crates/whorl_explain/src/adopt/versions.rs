@@ -82,6 +82,7 @@ pub fn versions(
         };
         let after = fitted.model.clone();
         fitted.estimates.iter_mut().for_each(|p| say_in_full(p, case.model, &after));
+        say_together(&mut fitted);
         let compared = part(say, share(k + 1) + 0.5 / count, share(k + 2));
         let mut runs = compare(&case.with_model(&after), &mut { compared })?;
         // What makes predictions worse stays as it was given.
@@ -116,24 +117,42 @@ fn say_in_full(parameter: &mut FittedParameter, before: &PlatformModel, after: &
     }
 }
 
-/// The gyro axis with the largest error over ten seconds before: name, each version's RMS, floor [deg/s].
-pub fn worst_gyro(versions: &[Version], held_out: bool) -> Option<(String, Vec<f64>, f64)> {
-    let of = |version: &Version, name: &str| -> Option<f64> {
+/// What is known of two parameters that are not told apart takes the place of the first; of the second by itself nothing is.
+fn say_together(fit: &mut Fit) {
+    for tie in &fit.ties {
+        let [first, second] = &tie.parameters;
+        let is = |p: &FittedParameter, (group, name): &(String, String)| p.group == *group && p.name == *name;
+        fit.estimates.retain(|p| !is(p, second));
+        if let Some(p) = fit.estimates.iter_mut().find(|p| is(p, first)) {
+            (p.name, p.estimate) = (tie.combination(), tie.value);
+            (p.stddev, p.posterior_stddev) = (tie.stddev, tie.stddev);
+        }
+    }
+}
+
+/// The gyro axis with the largest error over the longest horizon before: its name, seconds, and each version's RMS with the
+/// deviation that it predicts \[deg/s\].
+pub fn worst_gyro(versions: &[Version], held_out: bool) -> Option<(String, f64, Vec<[f64; 2]>)> {
+    let of = |version: &Version, name: &str| -> Option<(f64, [f64; 2])> {
         let channels =
             version.runs.iter().filter(|r| r.held_out == held_out).flat_map(|r| &r.comparison.channels);
-        let longest = channels
+        let longest: Vec<(f64, [f64; 2])> = channels
             .filter(|c| c.name == name)
-            .filter_map(|c| c.horizons.iter().rev().find(|h| h.horizon_s.is_some()))
-            .map(|h| (h.rms * h.rms, 1.0))
-            .fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
-        (longest.1 > 0.0).then(|| whorl_math::deg_from_rad((longest.0 / longest.1).sqrt()))
+            .filter_map(|c| c.horizons.iter().rev().find_map(|h| Some((h.horizon_s?, h))))
+            .map(|(horizon_s, h)| (horizon_s, [h.rms, h.predicted_stddev]))
+            .collect();
+        let mean = |i: usize| {
+            let squares = longest.iter().map(|(_, of)| of[i] * of[i]).sum::<f64>();
+            whorl_math::deg_from_rad((squares / longest.len() as f64).sqrt())
+        };
+        let horizon_s = longest.iter().map(|(horizon_s, _)| *horizon_s).reduce(f64::max)?;
+        Some((horizon_s, [mean(0), mean(1)]))
     };
     let first = versions.first()?;
-    let (name, _) = ["gyro_x", "gyro_y", "gyro_z"]
+    let (name, (horizon_s, _)) = ["gyro_x", "gyro_y", "gyro_z"]
         .into_iter()
         .filter_map(|n| of(first, n).map(|e| (n, e)))
-        .max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let floor = first.runs.iter().flat_map(|r| &r.comparison.channels).find(|c| c.name == name)?.noise_floor;
-    let all = versions.iter().map(|v| of(v, name).unwrap_or(f64::NAN)).collect();
-    Some((name.to_owned(), all, whorl_math::deg_from_rad(floor)))
+        .max_by(|(_, (_, a)), (_, (_, b))| a[0].total_cmp(&b[0]))?;
+    let all = versions.iter().map(|v| of(v, name).map_or([f64::NAN; 2], |(_, of)| of)).collect();
+    Some((name.to_owned(), horizon_s, all))
 }

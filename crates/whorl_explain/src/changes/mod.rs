@@ -73,7 +73,7 @@ fn differs(before: f64, after: f64) -> bool {
 }
 
 /// Digits down to a hundredth of the standard deviation; more would be meaningless.
-fn rounded(value: f64, stddev: f64) -> f64 {
+pub(crate) fn rounded(value: f64, stddev: f64) -> f64 {
     if !(stddev > 0.0 && stddev.is_finite() && value.is_finite()) {
         return value;
     }

@@ -7,4 +7,5 @@ mod generator;
 mod history;
 mod located;
 mod refits;
+mod tied;
 mod trends;

@@ -243,7 +243,7 @@ fn no_error_has_an_empty_blank_in_it() {
         RecordingError::NothingInCsv { path: path(), rows: 0 },
         RecordingError::TooLong { path: path(), length_s: 0.0 },
         RecordingError::NoReferenceWorld { path: path(), sensor: 1 },
-        RecordingError::SeveralModels { path: path(), present: text() },
+        RecordingError::SeveralModels { path: path(), present: Vec::new() },
     ];
     for error in all {
         let said = error.to_string();

@@ -2,7 +2,9 @@
 
 use maud::Markup;
 use whorl_explain::Adoption;
+use whorl_validation::comparison::{Channel, Comparison, Overlay};
 
+use super::comparison::{measured_and_predicted, title};
 use super::versions::versions;
 use super::{Facts, facts};
 use crate::document::{Document, code, significant, text};
@@ -14,6 +16,7 @@ pub fn adoption_html(adoption: &Adoption, about: &Facts) -> String {
     for sentence in adoption.answer() {
         page.paragraph("answer", &sentence);
     }
+    before_and_after(&mut page, adoption);
     versions(&mut page, &adoption.versions);
     page.heading("Parameters");
     let adopted = adoption.versions.last().and_then(|v| v.fit.as_ref());
@@ -34,4 +37,34 @@ pub fn adoption_html(adoption: &Adoption, about: &Facts) -> String {
     page.table(&["of", "parameter", "unit", "#before", "#after", "#standard deviation"], &rows);
     facts(&mut page, about);
     page.finish()
+}
+
+/// The channel that the model as given predicts worst, measured and predicted: with the model as given, and with the last
+/// version; of the first held-out run, or of the first where none was held out.
+fn before_and_after(page: &mut Document, adoption: &Adoption) {
+    let (Some(given), Some(adopted)) = (adoption.versions.first(), adoption.versions.last()) else { return };
+    let held_out = given.runs.iter().position(|run| run.held_out).unwrap_or(0);
+    let (Some(before), Some(after)) = (given.runs.get(held_out), adopted.runs.get(held_out)) else { return };
+    let Some(name) = worst_channel(&before.comparison) else { return };
+    let overlay = |comparison: &Comparison| -> Option<Overlay> {
+        comparison.overlays.iter().find(|overlay| overlay.name == name).cloned()
+    };
+    page.heading(&title(before));
+    for (run, version) in [(before, given), (after, adopted)] {
+        if let Some(overlay) = overlay(&run.comparison) {
+            page.figure(&measured_and_predicted(&overlay, &format!(", {}", version.name)), None);
+        }
+    }
+}
+
+/// The channel with the largest error over its predicted deviation at the longest horizon.
+fn worst_channel(comparison: &Comparison) -> Option<String> {
+    let ratio = |overlay: &&Overlay| {
+        let channel = comparison.channels.iter().find(|channel| channel.name == overlay.name)?;
+        channel.horizons.iter().rev().find(|h| h.horizon_s.is_some()).map(|h| h.ratio)
+    };
+    // How an accelerometer moves tells a reader nothing.
+    let shown = comparison.overlays.iter().filter(|overlay| overlay.quantity != Channel::Accelerometer);
+    let worst = shown.filter_map(|overlay| Some((overlay, ratio(&overlay)?)));
+    worst.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(overlay, _)| overlay.name.clone())
 }

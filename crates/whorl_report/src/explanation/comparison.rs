@@ -14,16 +14,20 @@ use crate::timeline::Timeline;
 /// Largest ratio that is shown as good, unless its own band is wider.
 const GOOD_RATIO: f64 = 1.1;
 
+/// Half the width of bands, in standard deviations.
+const BAND: f64 = 3.0;
+
 /// Name of the run, and whether it was held out.
 pub(super) fn title(run: &ComparedRun) -> String {
-    format!("{}{}", run.comparison.run, if run.held_out { " (held out)" } else { "" })
+    format!("{}{}", run.comparison.title(), if run.held_out { " (held out)" } else { "" })
 }
 
-/// The page as one self-contained HTML document; `of_model` says first which model it is, where that is not the given one.
+/// The page as one self-contained HTML document; `of_models` says first which models these are, where they are not
+/// the given ones.
 #[must_use]
-pub fn comparison_html(runs: &[ComparedRun], of_model: Option<&str>, about: &Facts) -> String {
+pub fn comparison_html(runs: &[ComparedRun], of_models: &[String], about: &Facts) -> String {
     let mut page = Document::new("How far off is the model?");
-    if let Some(of_model) = of_model {
+    for of_model in of_models {
         page.paragraph("answer", of_model);
     }
     for run in runs {
@@ -36,7 +40,8 @@ pub fn comparison_html(runs: &[ComparedRun], of_model: Option<&str>, about: &Fac
     page.paragraph("rule", &format!("Predictions: {PREDICTION_RULE}."));
     page.paragraph(
         "rule",
-        "RMS of measured less predicted, so long ahead. Ratio: of errors over their predicted deviations. Fit: 100 % = perfect, 0 % = \
+        "RMS of measured less predicted, so long ahead. Deviation: that which the model predicts for these errors. Ratio: of each error \
+         over its predicted deviation, RMS. Noise: of a reading, as the run shows it; stated: as the platform's file does. Fit: 100 % = perfect, 0 % = \
          no better than the mean; it is left out where a channel does not move beyond its noise. Held-out runs took part in no fit.",
     );
     for run in runs {
@@ -63,8 +68,7 @@ fn error_table(page: &mut Document, run: &ComparedRun) {
     let mut headings =
         vec!["channel".to_owned(), "unit".to_owned(), "#noise".to_owned(), "#stated".to_owned()];
     for h in &first.horizons {
-        let name = horizon_name(h.horizon_s);
-        headings.extend([format!("#{name}: RMS"), "#ratio".to_owned(), "#fit [%]".to_owned()]);
+        headings.extend(h.columns().map(|name| format!("#{name}")));
     }
     let headings: Vec<&str> = headings.iter().map(String::as_str).collect();
     let rows: Vec<Vec<Markup>> = run.comparison.channels.iter().map(error_row).collect();
@@ -81,6 +85,7 @@ fn error_row(channel: &ChannelErrors) -> Vec<Markup> {
     ];
     for h in &channel.horizons {
         row.push(significant(h.rms * factor));
+        row.push(significant(h.predicted_stddev * factor));
         row.push(judged(h.ratio, 2, h.ratio < GOOD_RATIO.max(h.band_99.1)));
         row.push(number(h.fit_percent.unwrap_or(f64::NAN), 1));
     }
@@ -142,36 +147,54 @@ fn overlay_figures(overlay: &Overlay) -> Vec<Figure> {
     let (unit, factor) = overlay.quantity.shown_unit();
     let scaled =
         |curve: &GrowingCurve| -> Vec<(f64, f64)> { curve.points().map(|(t, v)| (t, v * factor)).collect() };
-    let error = scaled(&overlay.error);
-    let (measured, predicted) = (scaled(&overlay.measured), scaled(&overlay.predicted));
     let stddev = scaled(&overlay.stddev);
-    let edge = |sign: f64| Curve::new("predicted", stddev.iter().map(|(t, s)| (*t, sign * 3.0 * s)));
+    let edge = |sign: f64| Curve::new("predicted", stddev.iter().map(|(t, s)| (*t, sign * BAND * s)));
     let band = (edge(-1.0), edge(1.0));
     let name = overlay.name.replace('_', " ");
     let horizon = horizon_name(Some(overlay.horizon_s));
     let mut figures = Vec::new();
     if overlay.quantity != Channel::Accelerometer {
-        figures.push(Figure {
-            title: format!("{name}: measured and predicted"),
-            caption: format!("Predictions of {horizon}, one after the other."),
-            y_label: format!("{name} [{unit}]"),
-            curves: vec![
-                Curve::new(format!("{name} measured"), measured),
-                Curve::new(format!("{name} predicted"), predicted),
-            ],
-            ..Figure::default()
-        });
+        figures.push(measured_and_predicted(overlay, ""));
     }
     figures.push(Figure {
         title: format!("{name}: error of predictions over {horizon}"),
         caption: "Measured less predicted. Band: three standard deviations that the model predicts."
             .to_owned(),
         y_label: format!("error [{unit}]"),
-        curves: vec![Curve::new(format!("{name} error"), error)],
+        curves: vec![Curve::new(format!("{name} error"), scaled(&overlay.error))],
         bands: vec![band],
         ..Figure::default()
     });
     figures
+}
+
+/// A channel as it was measured and as it was predicted, with the band of the predictions; `of_what` ends the title.
+pub(super) fn measured_and_predicted(overlay: &Overlay, of_what: &str) -> Figure {
+    let (unit, factor) = overlay.quantity.shown_unit();
+    let curve = |name: &str, points: &mut dyn Iterator<Item = (f64, f64)>| {
+        Curve::new(format!("{} {name}", overlay.name.replace('_', " ")), points.collect::<Vec<_>>())
+    };
+    let scaled = |(t, value): (f64, f64)| (t, value * factor);
+    let edge = |sign: f64| {
+        let points = overlay.predicted.points().zip(overlay.stddev.points());
+        curve("predicted", &mut points.map(|((t, y), (_, s))| scaled((t, y + sign * BAND * s))))
+    };
+    let name = overlay.name.replace('_', " ");
+    // A band has the colour of the curve of the same position; what was measured has none.
+    let no_band = || Curve::new("", Vec::<(f64, f64)>::new());
+    let predicted = curve("predicted", &mut overlay.predicted.points().map(scaled));
+    let measured = curve("measured", &mut overlay.measured.points().map(scaled));
+    Figure {
+        title: format!("{name}: measured and predicted{of_what}"),
+        caption: format!(
+            "Predictions of {}, one after the other. Band: three standard deviations that the model predicts.",
+            horizon_name(Some(overlay.horizon_s))
+        ),
+        y_label: format!("{name} [{unit}]"),
+        curves: vec![measured, predicted],
+        bands: vec![(no_band(), no_band()), (edge(-1.0), edge(1.0))],
+        ..Figure::default()
+    }
 }
 
 fn whiteness_table(page: &mut Document, comparison: &Comparison) {

@@ -80,44 +80,24 @@ fn section(page: &mut Document, run: &Localisation) {
 }
 
 fn table(page: &mut Document, found: &Dependences) {
-    let constant = |name: &str, share: f64, frame: &str| {
-        vec![code(name), text(frame), number(share * 100.0, 0), text(""), text(""), text("")]
+    let constant = |share: f64, frame: Frame| {
+        vec![code("constant"), text(frame.name()), number(share * 100.0, 0), text(""), text(""), text("")]
     };
-    let mut rows = if found.ranked.first().is_some_and(|d| d.frame == Frame::Wheel) {
-        vec![constant("constant", found.constant_body_share, "wheel")]
-    } else {
-        vec![
-            constant("constant", found.constant_body_share, "body"),
-            constant("constant", found.constant_world_share, "world"),
-        ]
-    };
+    let mut rows = vec![constant(found.constant_body_share, found.frame)];
+    if found.frame == Frame::Body {
+        rows.push(constant(found.constant_world_share, Frame::World));
+    }
     rows.extend(found.ranked.iter().map(|d| {
         vec![
             code(&d.variable),
-            text(name_of(d.frame)),
+            text(d.frame.name()),
             number(d.share * 100.0, 0),
-            text(axes(d.frame)[d.axis.min(2)]),
+            text(d.frame.axes().get(d.axis).unwrap_or(&"")),
             text(&lower(&d.parity)),
             text(&lower(&d.growth)),
         ]
     }));
     page.table(&["quantity", "frame", "#share [%]", "axis", "symmetry", "growth"], &rows);
-}
-
-fn axes(frame: Frame) -> [&'static str; 3] {
-    match frame {
-        Frame::Body => ["x", "y", "z"],
-        Frame::World => ["east", "north", "up"],
-        Frame::Wheel => ["axis", "", ""],
-    }
-}
-
-fn name_of(frame: Frame) -> &'static str {
-    match frame {
-        Frame::Body => "body",
-        Frame::World => "world",
-        Frame::Wheel => "wheel",
-    }
 }
 
 fn lower(value: &impl std::fmt::Debug) -> String {
@@ -149,17 +129,19 @@ fn shape(d: &Dependence, title: &str) -> Figure {
         Curve::new("band", at(&values))
     };
     let name = d.variable.replace('_', " ");
-    let drawn = || if d.frame == Frame::Wheel { 0..1 } else { 0..3 };
+    let drawn = || d.frame.axes().iter().enumerate();
     Figure {
         title: format!("{title} over {name} ({:.0} % of the excess)", d.share * 100.0),
         caption: match d.frame {
-            Frame::Wheel => "About the wheel's axis, with a band of two standard deviations.".to_owned(),
-            frame => format!("About {} axes, with bands of two standard deviations.", name_of(frame)),
+            one @ (Frame::Wheel | Frame::Hinge) => {
+                format!("About {}, with a band of two standard deviations.", one.about(0))
+            }
+            frame => format!("About {} axes, with bands of two standard deviations.", frame.name()),
         },
         x_label: format!("{name} [{unit}]"),
         y_label: "torque [mN m]".to_owned(),
-        curves: drawn().map(|i| Curve::new(axes(d.frame)[i], at(&d.shape.torque_n_m[i]))).collect(),
-        bands: drawn().map(|i| (edge(i, -1.0), edge(i, 1.0))).collect(),
+        curves: drawn().map(|(i, axis)| Curve::new(*axis, at(&d.shape.torque_n_m[i]))).collect(),
+        bands: drawn().map(|(i, _)| (edge(i, -1.0), edge(i, 1.0))).collect(),
         ..Figure::default()
     }
 }
@@ -208,10 +190,10 @@ fn body_over_time(torques: &UnexplainedTorques, frame: Frame) -> Figure {
             };
             (state.time_s, (torque[i] + sign * 2.0 * covariance[(i, i)].max(0.0).sqrt()) * 1e3)
         });
-        Curve::new(axes(frame)[i], points)
+        Curve::new(frame.axes().get(i).copied().unwrap_or_default(), points)
     };
     Figure {
-        title: format!("Unexplained torque over time, {} axes", name_of(frame)),
+        title: format!("Unexplained torque over time, {} axes", frame.name()),
         caption: "Torque that the model does not explain, given all readings of the run, with two standard deviations. A torque that is \
                   steadier in one of the two frames is fixed to that frame."
             .to_owned(),

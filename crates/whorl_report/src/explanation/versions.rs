@@ -58,24 +58,26 @@ fn channel_table(page: &mut Document, versions: &[Version]) {
         else {
             continue;
         };
-        page.paragraph("", &format!("{}: RMS error of predictions {horizon_s} s ahead", title(run)));
+        page.paragraph("", &format!("{}: RMS error of predictions {horizon_s} s ahead, and the deviation that the last version predicts for it", title(run)));
         let names: Vec<String> = versions.iter().map(|v| format!("#{}", v.name)).collect();
-        let mut headings = vec!["channel", "unit", "#noise"];
+        let mut headings = vec!["channel", "unit"];
         headings.extend(names.iter().map(String::as_str));
+        headings.push("#deviation");
         let rows: Vec<Vec<Markup>> = run
             .comparison
             .channels
             .iter()
             .map(|channel| {
                 let (unit, factor) = channel.quantity.shown_unit();
-                let mut row =
-                    vec![text(&channel.name), text(unit), significant(channel.noise_floor * factor)];
-                row.extend(versions.iter().map(|version| {
+                let of = |version: &Version| {
                     let channels = version.runs.get(k).map_or(&[][..], |r| &r.comparison.channels);
-                    let same = channels.iter().find(|c| c.name == channel.name);
-                    let found = same.and_then(|c| c.horizons.iter().find(|h| h.horizon_s == Some(horizon_s)));
-                    significant(found.map_or(f64::NAN, |h| h.rms * factor))
-                }));
+                    let same = channels.iter().find(|c| c.name == channel.name)?;
+                    same.horizons.iter().find(|h| h.horizon_s == Some(horizon_s)).copied()
+                };
+                let scaled = |value: Option<f64>| significant(value.unwrap_or(f64::NAN) * factor);
+                let mut row = vec![text(&channel.name), text(unit)];
+                row.extend(versions.iter().map(|version| scaled(of(version).map(|h| h.rms))));
+                row.push(scaled(versions.last().and_then(of).map(|h| h.predicted_stddev)));
                 row
             })
             .collect();

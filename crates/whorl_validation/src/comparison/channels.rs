@@ -8,7 +8,7 @@ use whorl_math::statistics::chi_squared_quantile;
 use whorl_prediction::{AheadError, Noise, Prepared};
 use whorl_recording::{Channel, Component, Form};
 
-use super::PredictionError;
+use super::{PredictionError, ahead};
 use crate::remarks::MOVES;
 
 /// Error of one channel at one horizon.
@@ -18,6 +18,9 @@ pub struct HorizonError {
     pub horizon_s: Option<f64>,
     /// Root mean square of measured less predicted.
     pub rms: f64,
+    /// Root mean square of the standard deviations that the model predicts for these errors, from noise and from what is
+    /// uncertain of the start.
+    pub predicted_stddev: f64,
     /// The same of errors over the deviations that the model predicts for them; 1 = as good as the model says.
     pub ratio: f64,
     /// 99 % band of the ratio for the true model.
@@ -27,6 +30,16 @@ pub struct HorizonError {
     pub fit_percent: Option<f64>,
     /// Samples predicted.
     pub samples: usize,
+}
+
+impl HorizonError {
+    /// What tables call its columns: how large the errors are, which deviation the model predicts for them, errors over their
+    /// predicted deviations, and [`Self::fit_percent`].
+    #[must_use]
+    pub fn columns(&self) -> [String; 4] {
+        let over = self.horizon_s.map_or_else(|| "run".to_owned(), |s| format!("{} s", ahead(s)));
+        [format!("{over}: RMS"), "deviation".to_owned(), "ratio".to_owned(), "fit %".to_owned()]
+    }
 }
 
 /// Errors of one channel: of one axis or one wheel; for a direction, of both axes across it together.
@@ -80,6 +93,7 @@ struct Column {
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
     errors_squared: f64,
+    variances: f64,
     normalised_squared: f64,
     reading: f64,
     reading_squared: f64,
@@ -89,6 +103,7 @@ struct Sums {
 impl Sums {
     fn add(&mut self, error: &AheadError) {
         self.errors_squared += error.error.value.powi(2);
+        self.variances += error.error.stddev.powi(2);
         self.normalised_squared += error.error.normalised().powi(2);
         self.reading += error.reading;
         self.reading_squared += error.reading.powi(2);
@@ -105,6 +120,7 @@ impl Sums {
         HorizonError {
             horizon_s,
             rms: (self.errors_squared / count * components).sqrt(),
+            predicted_stddev: (self.variances / count * components).sqrt(),
             ratio: (self.normalised_squared / count).sqrt(),
             band_99: (band(0.005), band(0.995)),
             fit_percent: moves.then(|| 100.0 * (1.0 - (self.errors_squared / about_mean).sqrt())),

@@ -41,6 +41,8 @@ pub const PREDICTION_RULE: &str = "each prediction starts from what a filter wit
 pub struct Comparison {
     /// Name of the run.
     pub run: String,
+    /// The platform whose model was compared.
+    pub platform: String,
     /// Length \[s\].
     pub duration_s: f64,
     /// Samples of the gyro (clamped platform: of the wheels) per second \[Hz\].
@@ -114,6 +116,7 @@ pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Compariso
     };
     Ok(Comparison {
         run: recording.name.clone(),
+        platform: recording.platform.clone(),
         duration_s,
         rate_hz: times.len().saturating_sub(1) as f64 / duration_s,
         remarks: remarks(&case, &followed.noise, &stated),

@@ -17,6 +17,12 @@ const LEAST_TOLD: f64 = 0.01;
 const FINDINGS: usize = 3;
 
 impl Comparison {
+    /// Run and platform.
+    #[must_use]
+    pub fn title(&self) -> String {
+        if self.platform.is_empty() { self.run.clone() } else { format!("{}, {}", self.run, self.platform) }
+    }
+
     /// The answer in words.
     #[must_use]
     pub fn answer(&self) -> String {
@@ -33,7 +39,7 @@ impl Comparison {
             )
         });
         let error = error.unwrap_or_else(|| "it is too short for predictions ahead".to_owned());
-        let run = &self.run;
+        let run = self.title();
         if self.is_noise() {
             return format!("{run}: the model explains the data to the noise: {error} ({of_test}).");
         }

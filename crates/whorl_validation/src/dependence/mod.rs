@@ -20,6 +20,7 @@ pub use residual::Residual;
 pub use shape::{Growth, Parity, Shape};
 pub use variable::{Variable, conditions};
 
+use nalgebra::Matrix3;
 use serde::Serialize;
 use thiserror::Error;
 
@@ -45,6 +46,46 @@ pub enum Frame {
     World,
     /// About a wheel's axis, the first of three; there are no others.
     Wheel,
+    /// About the hinge on which the rig turns, likewise.
+    Hinge,
+}
+
+impl Frame {
+    /// In a word, for tables.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Body => "body",
+            Self::World => "world",
+            Self::Wheel => "wheel",
+            Self::Hinge => "hinge",
+        }
+    }
+
+    /// Its axes, for tables and curves: three, or one.
+    #[must_use]
+    pub fn axes(self) -> &'static [&'static str] {
+        match self {
+            Self::Body => &["x", "y", "z"],
+            Self::World => &["east", "north", "up"],
+            Self::Wheel | Self::Hinge => &["axis"],
+        }
+    }
+
+    /// What a torque about one of its axes is about, in a sentence.
+    #[must_use]
+    pub fn about(self, axis: usize) -> &'static str {
+        match (self, axis) {
+            (Self::Body, 0) => "body x",
+            (Self::Body, 1) => "body y",
+            (Self::Body, _) => "body z",
+            (Self::World, 0) => "east",
+            (Self::World, 1) => "north",
+            (Self::World, _) => "the vertical",
+            (Self::Wheel, _) => "the wheel's axis",
+            (Self::Hinge, _) => "the hinge",
+        }
+    }
 }
 
 /// Why a residual cannot be analysed.
@@ -72,7 +113,7 @@ pub struct Dependence {
     pub frame: Frame,
     /// Share of the excess that the curve predicts on data left out of its fit, 0..1.
     pub share: f64,
-    /// The axis on which the curve varies most: 0, 1, 2 for x, y, z.
+    /// The axis on which the curve is largest, as it is drawn: 0, 1, 2 for x, y, z.
     pub axis: usize,
     /// Share of the whole excess that each axis contributes.
     pub axis_share: [f64; 3],
@@ -91,11 +132,13 @@ pub struct Dependences {
     pub mean_square_whitened: f64,
     /// Excess over noise, as a share of the mean square, 0..1.
     pub excess: f64,
-    /// Share of the excess that is a constant torque fixed to the body.
+    /// The first frame: that of the platform, of a wheel or of a hinge.
+    pub frame: Frame,
+    /// Share of the excess that is a constant torque fixed to it.
     pub constant_body_share: f64,
     /// Share of the excess that is a constant torque fixed to the room.
     pub constant_world_share: f64,
-    /// Mean residual, body axes [N m].
+    /// Mean residual in the first frame [N m].
     pub mean_b_n_m: [f64; 3],
     /// Mean residual, world axes [N m].
     pub mean_world_n_m: [f64; 3],
@@ -130,11 +173,11 @@ pub fn dependences(
     let noise = body.iter().flatten().filter(|(_, sigma)| sigma.is_finite()).count().max(1) as f64;
     let folds = folds(count);
 
-    let constants =
-        |axes: &Axes| axes.each_ref().map(|axis| regression::constant_explains(axis, &folds).max(0.0));
-    let (constants_body, constants_world) = (constants(body), world.map_or([0.0; 3], constants));
-    let constant_body: f64 = constants_body.iter().sum();
-    let constant_world: f64 = constants_world.iter().sum();
+    let constant = |axis: &Vec<(f64, f64)>| regression::constant_explains(axis, &folds).max(0.0);
+    let constant_body: f64 = body.iter().map(constant).sum();
+    // In body axes, where the noise is: about a horizontal axis it may be far smaller than about the vertical.
+    let r_world_body: Vec<Matrix3<f64>> = residuals.iter().flat_map(|r| r.r_world_body.clone()).collect();
+    let constant_world = regression::constant_in_world_explains(body, &r_world_body, &folds).max(0.0);
 
     let mut found = Vec::new();
     for variable in variables.iter().filter(|v| v.value.len() == count) {
@@ -161,10 +204,7 @@ pub fn dependences(
         .into_iter()
         .map(|(variable, frame, explained, shape)| {
             let axis_share = explained.map(|e| (e / excess).clamp(-1.0, 1.0));
-            // A constant torque depends on nothing: the axis is the one on which the curve varies most.
-            let still = if frame == Frame::World { constants_world } else { constants_body };
-            let varies = |i: usize| explained[i] - still[i];
-            let axis = (0..3).max_by(|a, b| varies(*a).total_cmp(&varies(*b))).unwrap_or(0);
+            let axis = shape.axis();
             Dependence {
                 variable: variable.name.clone(),
                 unit: variable.unit.to_owned(),
@@ -183,6 +223,7 @@ pub fn dependences(
     Ok(Dependences {
         mean_square_whitened: total / noise,
         excess: ((total - noise) / total.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0),
+        frame: *first,
         constant_body_share: (constant_body / excess).min(1.0),
         constant_world_share: (constant_world / excess).min(1.0),
         mean_b_n_m: body.each_ref().map(|axis| mean(axis)),

@@ -1,6 +1,6 @@
 //! Penalised regression on one quantity, with cross-validation.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::basis::{Basis, SUPPORT};
 use super::variable::Variable;
@@ -196,4 +196,30 @@ pub(super) fn constant_explains(axis: &[(f64, f64)], folds: &[usize]) -> f64 {
             2.0 * constant * s - constant * constant * w
         })
         .sum()
+}
+
+/// The same by a torque that is constant in the world, of one in body axes.
+pub(super) fn constant_in_world_explains(
+    body: &[Vec<(f64, f64)>; 3],
+    r_world_body: &[Matrix3<f64>],
+    folds: &[usize],
+) -> f64 {
+    // Per fold: normal equations.
+    let mut sums = [(Matrix3::zeros(), Vector3::zeros()); FOLDS];
+    for (i, axis) in body.iter().enumerate() {
+        for (((value, sigma), r), fold) in axis.iter().zip(r_world_body).zip(folds) {
+            let (Some(sum), weight) = (sums.get_mut(*fold), sigma.powi(-2)) else { continue };
+            // About this body axis it is the product with that axis in the world.
+            let axis_w = r.column(i).into_owned();
+            sum.0 += axis_w * axis_w.transpose() * weight;
+            sum.1 += axis_w * (weight * value);
+        }
+    }
+    let all = sums.iter().fold((Matrix3::zeros(), Vector3::zeros()), |all, of| (all.0 + of.0, all.1 + of.1));
+    let explains = |(matrix, right): &(Matrix3<f64>, Vector3<f64>)| {
+        let others = (all.0 - matrix).cholesky()?;
+        let constant = others.solve(&(all.1 - right));
+        Some(2.0 * constant.dot(right) - constant.dot(&(matrix * constant)))
+    };
+    sums.iter().filter_map(explains).sum()
 }

@@ -15,6 +15,8 @@ pub struct Residual {
     /// (value, standard deviation) [N m] of three axes; the deviation is infinite, so that the axis weighs nothing, where nothing can
     /// turn.
     frames: Vec<(Frame, Axes)>,
+    /// Of a body, at each instant the matrix that takes a body vector to the world.
+    pub(super) r_world_body: Vec<Matrix3<f64>>,
 }
 
 /// (value, standard deviation) of three axes.
@@ -32,26 +34,40 @@ impl Residual {
     ) -> Self {
         let mut body = [const { Vec::new() }; 3];
         let mut world = [const { Vec::new() }; 3];
+        let mut r_world_body = Vec::new();
         for ((torque, noise), q) in torque_b_n_m.iter().zip(noise_b_n2_m2).zip(q_world_body) {
             let r = q.to_rotation_matrix().into_inner();
             push(&mut body, torque, noise);
             push(&mut world, &(r * torque), &(r * noise * r.transpose()));
+            r_world_body.push(r);
         }
-        Self { time_s, frames: vec![(Frame::Body, body), (Frame::World, world)] }
+        Self { time_s, frames: vec![(Frame::Body, body), (Frame::World, world)], r_world_body }
     }
 
-    /// The same in body axes alone: of a rig on a shaft, which stands in body and world alike.
+    /// On a body that turns on a hinge along this axis (unit, body axes), about it: the hinge holds all others.
     #[must_use]
-    pub fn on_shaft(mut self) -> Self {
-        self.frames.retain(|(frame, _)| *frame == Frame::Body);
-        self
+    pub fn on_hinge(
+        time_s: Vec<f64>,
+        torque_b_n_m: &[Vector3<f64>],
+        noise_b_n2_m2: &[Matrix3<f64>],
+        axis_b: &Vector3<f64>,
+    ) -> Self {
+        let about = |(torque, noise): (&Vector3<f64>, &Matrix3<f64>)| {
+            (axis_b.dot(torque), axis_b.dot(&(noise * axis_b)).max(0.0).sqrt())
+        };
+        Self::about_one(Frame::Hinge, time_s, torque_b_n_m.iter().zip(noise_b_n2_m2).map(about).collect())
     }
 
     /// Of a wheel's motor about its axis: values with the standard deviations of their noise [N m].
     #[must_use]
     pub fn of_motor(time_s: Vec<f64>, torque_n_m: Vec<(f64, f64)>) -> Self {
+        Self::about_one(Frame::Wheel, time_s, torque_n_m)
+    }
+
+    fn about_one(frame: Frame, time_s: Vec<f64>, torque_n_m: Vec<(f64, f64)>) -> Self {
         let nothing = vec![(0.0, f64::INFINITY); torque_n_m.len()];
-        Self { time_s, frames: vec![(Frame::Wheel, [torque_n_m, nothing.clone(), nothing])] }
+        let frames = vec![(frame, [torque_n_m, nothing.clone(), nothing])];
+        Self { time_s, frames, r_world_body: Vec::new() }
     }
 
     /// Of each frame its axes.

@@ -75,6 +75,17 @@ impl Shape {
         shape
     }
 
+    /// The axis on which the curve is largest: by its mean square, each place weighted by what is known of it.
+    pub(super) fn axis(&self) -> usize {
+        let size = |i: usize| {
+            let weights = || self.stddev_n_m[i].iter().map(|s| s.max(f64::MIN_POSITIVE).powi(-2));
+            let total: f64 = weights().sum();
+            let squares: f64 = weights().zip(&self.torque_n_m[i]).map(|(w, v)| w * v * v).sum();
+            if total > 0.0 && total.is_finite() { squares / total } else { 0.0 }
+        };
+        (0..3).max_by(|a, b| size(*a).total_cmp(&size(*b))).unwrap_or(0)
+    }
+
     /// The curve of `axis` at `x`, interpolated linearly.
     fn at(&self, axis: usize, x: f64) -> Option<f64> {
         let curve = self.torque_n_m.get(axis)?;

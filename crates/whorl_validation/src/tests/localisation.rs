@@ -78,6 +78,21 @@ fn a_draught_is_found_within_its_deviation() {
     assert!(where_.dependences.as_ref().unwrap().constant_world_share > 0.9, "{:?}", where_.answer());
 }
 
+/// A constant torque about the vertical has a name, and nothing is said to be a function of what merely moved meanwhile.
+#[test]
+fn a_constant_torque_has_a_name() {
+    let model = platform();
+    let truth = with_effect(&model, "bearing_turbine", &[("vertical_n_m", 0.03)]);
+    let where_ = located(&record(&truth, &turning()), &model);
+    let answer = where_.answer();
+    assert!(answer[1].contains("a constant torque of ") && answer[1].contains("the vertical"), "{answer:?}");
+    assert_eq!(answer.len(), 2, "{answer:?}");
+    // Every curve is about the axis of which it is drawn largest.
+    for d in &where_.dependences.as_ref().unwrap().ranked {
+        assert!(d.axis == 2 || d.share < 0.5, "{} about axis {}", d.variable, d.axis);
+    }
+}
+
 /// A wheel on a bench, whatever its size: what its motor loses depends on its speed, and what a wrong constant gives on its command.
 #[test]
 fn on_a_bench_the_motor_is_located() {
