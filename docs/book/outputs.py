@@ -8,7 +8,7 @@ it: `...` stands for those that are left out. All commands of a page run one aft
 which a folder of their own stands for /tmp. Without --check the pages are written: each line that was shown is looked up by its words,
 and gets its new numbers; a line that nothing is like any more is an error, and its excerpt has to be chosen anew. With --check
 nothing is written, and it fails where words differ, or a number by more than {PERCENT} % and its last digit (other processors round
-otherwise). Without PAGE: all pages of docs/ that have such a block.
+otherwise). Without PAGE: all pages of docs/ that have such a block, and the README.
 """
 
 import argparse
@@ -151,7 +151,7 @@ def main():
     arguments = parser.parse_args()
     if not arguments.whorl.is_file():
         parser.error(f"--whorl {arguments.whorl}: there is no such file; build it: cargo build --release --locked --bin whorl")
-    pages = [page.resolve() for page in arguments.pages] or [page for page in sorted((ROOT / "docs").glob("*.md")) if MARK in page.read_text().split("\n")]
+    pages = [page.resolve() for page in arguments.pages] or [page for page in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))] if MARK in page.read_text().split("\n")]
     wrong = False
     for page in pages:
         with tempfile.TemporaryDirectory() as made:

@@ -2,7 +2,7 @@
 
 import unittest
 
-from outputs import blocks, differences, excerpt, is_close
+from outputs import MARK, ROOT, blocks, differences, excerpt, is_close
 
 PAGE = """Text.
 
@@ -55,6 +55,15 @@ class Outputs(unittest.TestCase):
     def test_numbers_are_close_within_two_per_cent_and_their_last_digit(self):
         for old, new, close in [("1.85", "1.86", True), ("1.85", "1.91", False), ("12160.3", "12200", True), ("100", "2", False), ("-1.2", "-1.3", True), ("0", "1", True), ("0.0", "0.3", False), ("2.512e-1", "2.52e-1", True), ("7.02e-4", "9.1e-4", False)]:
             self.assertEqual(is_close(old, new), close, (old, new))
+
+    def test_every_block_of_the_readme_is_run_by_something_that_there_is(self):
+        lines = (ROOT / "README.md").read_text().split("\n")
+        marks = [lines[k - 1] for k, line in enumerate(lines) if line in ("```sh", "```bash", "```python")]
+        self.assertGreater(len(marks), 4)
+        for mark in marks:
+            if mark != MARK:
+                self.assertRegex(mark, r"^<!-- run by: (\S+) -->$")
+                self.assertTrue((ROOT / mark.split()[3]).exists(), mark)
 
     def test_differences_name_both_lines(self):
         self.assertEqual(differences(["x 1.85", "..."], ["x    1.86"]), [])

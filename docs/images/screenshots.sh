@@ -20,3 +20,9 @@ picture() {
 
 picture leader_follower 45 640
 picture behavioural 60 640
+
+# The page of what was adopted: measured and predicted on a run that was not fitted, before and after.
+"$whorl" demo --seed 3 --no-open --out "$work/demo"
+"$chromium" --headless --no-sandbox --disable-gpu --disable-dev-shm-usage --hide-scrollbars \
+    --user-data-dir="$work/profile" --window-size=1300,880 --virtual-time-budget=15000 \
+    --screenshot=docs/images/demo_fall.png "file://$work/demo/adopt.html" 2>/dev/null

@@ -152,7 +152,11 @@ whorl identify RUN --platform whorl_1 --out params/whorl_1.yaml   and write",
     ("security create", "whorl security create keystore --platforms whorl_1 whorl_2 --domain 7"),
     ("security list", "whorl security list keystore"),
     ("security check", "whorl security check keystore --domain 7"),
-    ("demo hidden-effect", "whorl demo hidden-effect --out my_demo"),
+    (
+        "demo",
+        "whorl demo
+whorl demo --outside --seed 7 --out my_demo   a law that no catalogue has; keeps everything in my_demo",
+    ),
     (
         "reproduce",
         "whorl reproduce   lists the items
@@ -266,7 +270,7 @@ mod tests {
         "abort",
         "live",
         "security create",
-        "demo hidden-effect",
+        "demo",
         "completions",
         "man",
         "nodes list",

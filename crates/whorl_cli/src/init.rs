@@ -41,9 +41,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         );
     }
     for (file, content) in &missing {
-        let folder = file.parent().unwrap_or(Path::new("."));
-        std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
-        whorl_files::write_file(file, content).with_context(|| format!("cannot write {}", file.display()))?;
+        write(file, content)?;
     }
     match missing.len() {
         0 => say!("{} has all {} parameter files already", params.display(), FILES.len()),
@@ -55,4 +53,15 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     say!("next: {go}whorl run leader_follower_short");
     Ok(())
+}
+
+/// Writes all parameter files into a folder, over those that are there.
+pub fn write_into(params: &Path) -> anyhow::Result<()> {
+    FILES.iter().try_for_each(|(name, content)| write(&params.join(name), content))
+}
+
+fn write(file: &Path, content: &[u8]) -> anyhow::Result<()> {
+    let folder = file.parent().unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    whorl_files::write_file(file, content).with_context(|| format!("cannot write {}", file.display()))
 }

@@ -172,9 +172,12 @@ enum Command {
     /// Makes, lists and checks keystores (SROS2): keys, certificates and permissions of the nodes.
     #[command(subcommand)]
     Security(security::Command),
-    /// Shows on simulated hardware, over DDS, what Whorl does.
-    #[command(subcommand)]
-    Demo(demo::Command),
+    /// Shows in two minutes what Whorl does: hides an effect in a simulated platform that its model does not have, finds it,
+    /// adopts it, and tells the secret.
+    ///
+    /// An experiment, how far off the model is, where, which effect is missing, adopting it, and the same experiment with the
+    /// new model. Prints both errors before and after.
+    Demo(demo::Arguments),
     /// Recomputes figures and tables of the dissertation and compares them with the printed values.
     Reproduce(reproduce::Arguments),
     /// Prints the completions of a shell, e.g. `source <(whorl completions bash)`.
@@ -220,7 +223,7 @@ fn carried_out(command: Command) -> ExitCode {
         Command::Checkout(arguments) => return checkout::run(&arguments),
         Command::Doctor(arguments) => return doctor::run(&arguments),
         Command::Nodes(command) => return nodes::run(&command),
-        Command::Demo(command) => return demo::run(&command),
+        Command::Demo(arguments) => return demo::run(&arguments),
         Command::Init(arguments) => init::run(&arguments),
         Command::New(arguments) => new::run(&arguments),
         Command::Arm(arguments) => arm::run(&arguments, true),

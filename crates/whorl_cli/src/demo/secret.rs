@@ -108,8 +108,7 @@ impl Secret {
 
         let inertia = model.mass_properties.inertia_b_kg_m2().diagonal().map(|x| x * draw(0.98, 1.02));
         let offset = model.mass_properties.gravity_offset_b_n_m().map(|x| x * draw(0.95, 1.05));
-        let mut truth =
-            String::from("# Drawn by `whorl demo hidden-effect`: what the model does not know.\n");
+        let mut truth = String::from("# Drawn by `whorl demo`: what the model does not know.\n");
         // Writing to a String cannot fail.
         let _ = write!(
             truth,

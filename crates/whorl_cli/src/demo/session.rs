@@ -23,47 +23,66 @@ const ADVICE: &str = "advice: ";
 #[error("stopped")]
 pub struct Stopped;
 
-/// A folder, and the ROS domain in which its experiments run.
+/// A folder, and how its experiments are run.
 pub struct Session {
     /// Where everything goes.
     pub folder: PathBuf,
-    /// Whether the folder stays.
-    pub kept: bool,
-    root: PathBuf,
-    domain: String,
+    /// The ROS domain of experiments over DDS; `None`: they are simulated in one process.
+    domain: Option<String>,
     began: Instant,
     interrupted: Interrupted,
 }
 
-impl Drop for Session {
-    fn drop(&mut self) {
-        if !self.kept {
-            // Only what this session has written.
-            let _ = std::fs::remove_dir_all(&self.folder);
-        }
-    }
-}
-
 impl Session {
-    /// In `out`, which must be empty, or in a folder that is removed at the end. `root` holds params/.
-    pub fn new(out: Option<&Path>, root: &Path) -> anyhow::Result<Self> {
-        let own = std::env::temp_dir().join(format!("whorl_demo_{}", std::process::id()));
-        let folder = out.map_or(own, Path::to_owned);
-        std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
-        let folder = absolute(&folder)?;
+    /// In `out`, which must be empty, or in a folder among the system's temporary files.
+    pub fn new(out: Option<&Path>, dds: bool) -> anyhow::Result<Self> {
+        let folder = match out {
+            Some(out) => {
+                std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
+                out.to_owned()
+            }
+            None => tempfile::Builder::new()
+                .prefix("whorl_demo_")
+                .tempdir()
+                .context("cannot create a folder for temporary files; name one with --out")?
+                .keep(),
+        };
+        let folder = folder.canonicalize().with_context(|| format!("no folder {}", folder.display()))?;
         if std::fs::read_dir(&folder).is_ok_and(|mut entries| entries.next().is_some()) {
             bail!("{} is not empty; allowed: a new or empty folder", folder.display());
         }
         // Nobody else's nodes: no other experiment's of this machine.
-        let of_this_process = || (50 + std::process::id() % 50).to_string();
+        let own = || (50 + std::process::id() % 50).to_string();
         Ok(Self {
             folder,
-            kept: out.is_some(),
-            root: absolute(root)?,
-            domain: std::env::var("ROS_DOMAIN_ID").unwrap_or_else(|_| of_this_process()),
+            domain: dds.then(|| std::env::var("ROS_DOMAIN_ID").unwrap_or_else(|_| own())),
             began: Instant::now(),
             interrupted: Interrupted::new()?,
         })
+    }
+
+    /// Says where everything is, and shows the last page in a browser where there is a desktop.
+    pub fn end(&self, open: bool) {
+        let pages = ["adopt", "discover", "diagnose", "where", "compare"];
+        let written = pages.iter().map(|page| self.folder.join(format!("{page}.html"))).find(|p| p.is_file());
+        say!(
+            "\nparameters, runs and pages are in {}; every command above can be repeated there",
+            self.folder.display()
+        );
+        let Some(page) = written else { return };
+        // Each page has links to the others.
+        say!("pages: {}", page.display());
+        let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+        if open && (is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")) {
+            let nothing = Stdio::null;
+            // It is shown to those who have a browser; the others have its path.
+            let _ = Command::new("xdg-open")
+                .arg(page)
+                .stdin(nothing())
+                .stdout(nothing())
+                .stderr(nothing())
+                .spawn();
+        }
     }
 
     /// A headline with the time so far.
@@ -76,14 +95,17 @@ impl Session {
         self.began.elapsed().as_secs()
     }
 
-    /// Prints a command as a user types it in the folder, carries it out, and prints the first `lines` lines of its answer.
+    /// Prints a command as a user types it in the folder, carries it out, and prints the first `lines` lines of its answer. Its
+    /// progress, and what goes wrong, go to the standard error.
     pub fn show(&self, arguments: &[&str], lines: usize) -> anyhow::Result<()> {
         say!("$ whorl {}", arguments.join(" "));
         let log = self.folder.join("answer.log");
-        let status = self.whorl(arguments, &log)?;
+        let status = self.whorl(arguments, &log, true)?;
         let answer = std::fs::read_to_string(&log).unwrap_or_default();
         let shown = if status.success() { lines } else { usize::MAX };
-        answer.lines().take(shown).for_each(|line| say!("{line}"));
+        let mut shown: Vec<&str> = answer.lines().take(shown).collect();
+        while shown.pop_if(|line| line.trim().is_empty()).is_some() {}
+        shown.iter().for_each(|line| say!("{line}"));
         if !status.success() {
             bail!("whorl {} failed", arguments.first().unwrap_or(&""));
         }
@@ -91,44 +113,59 @@ impl Session {
         Ok(())
     }
 
-    /// Runs an experiment of one platform over DDS. Returns its run directory, relative to the folder.
-    pub fn experiment(
-        &self,
-        into: &str,
-        experiment: &str,
-        platform: &str,
-        seed: u64,
-    ) -> anyhow::Result<String> {
+    /// Runs an experiment. Returns its run directory, relative to the folder. One that failed, as on a busy computer, is good
+    /// enough if it was recorded: the data are judged by what comes next.
+    pub fn experiment(&self, into: &str, experiment: &str, seed: u64) -> anyhow::Result<String> {
         let log = self.folder.join(format!("{into}.log"));
-        let (root, seed) = (self.root.display().to_string(), seed.to_string());
-        let arguments = ["run", experiment, "--platforms", platform, "--params", "params"];
-        let options = ["--out", into, "--seed", &seed, "--root", &root];
-        let status = self.whorl(&[&arguments[..], &options].concat(), &log)?;
+        let seed = seed.to_string();
+        let options = ["--params", "params", "--seed", &seed, "--out", into];
+        let arguments = match &self.domain {
+            Some(_) => [&["run", experiment], &options[..]].concat(),
+            None => [&["simulate", "--experiment", experiment], &options[..]].concat(),
+        };
+        say!("$ whorl {}", arguments.join(" "));
+        let status = self.whorl(&arguments, &log, false)?;
+        let run = match &self.domain {
+            // One below the folder.
+            Some(_) => std::fs::read_dir(self.folder.join(into)).ok().and_then(|entries| {
+                let run = entries.flatten().find(|entry| entry.path().is_dir())?;
+                Some(format!("{into}/{}", run.file_name().to_string_lossy()))
+            }),
+            None => Some(into.to_owned()),
+        };
+        let run = run.filter(|run| self.folder.join(run).join("bag").is_dir());
         if !status.success() {
             let text = std::fs::read_to_string(&log).unwrap_or_default();
-            bail!("the experiment failed:\n{}", last_words(&text));
+            let words = last_words(&text);
+            let Some(run) = run else { bail!("the experiment failed:\n{words}") };
+            say!("{words}\nwarning: it failed, and goes on with what was recorded: {run}");
+            return Ok(run);
         }
-        let runs = std::fs::read_dir(self.folder.join(into)).context("nothing was recorded")?;
-        let run = runs.flatten().find(|entry| entry.path().is_dir()).context("nothing was recorded")?;
-        let run = format!("{into}/{}", run.file_name().to_string_lossy());
+        let run = run.context("nothing was recorded")?;
         say!("recorded {run}");
         Ok(run)
     }
 
-    /// Carries out a command of this program in the folder; its output goes to a file.
-    fn whorl(&self, arguments: &[&str], log: &Path) -> anyhow::Result<ExitStatus> {
-        let file = File::create(log).with_context(|| format!("cannot write {}", log.display()))?;
+    /// Carries out a command of this program in the folder; its output goes to a file, and what it says on the standard error
+    /// there too, unless that is to be seen.
+    fn whorl(&self, arguments: &[&str], log: &Path, shows_errors: bool) -> anyhow::Result<ExitStatus> {
+        let cannot_write = || format!("cannot write {}", log.display());
+        let file = File::create(log).with_context(cannot_write)?;
+        let errors = match shows_errors {
+            true => Stdio::inherit(),
+            false => file.try_clone().with_context(cannot_write)?.into(),
+        };
         let mut command = Command::new(std::env::current_exe().context("cannot find this program")?);
         command
             .args(arguments)
             .current_dir(&self.folder)
-            .env("ROS_DOMAIN_ID", &self.domain)
+            .envs(self.domain.iter().map(|domain| ("ROS_DOMAIN_ID", domain)))
             // No other machine's nodes either.
             .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
             .env("ROS_LOCALHOST_ONLY", "1")
             .stdin(Stdio::null())
-            .stdout(file.try_clone().with_context(|| format!("cannot write {}", log.display()))?)
-            .stderr(file);
+            .stdout(file)
+            .stderr(errors);
         match run_to_end(&mut command, || self.interrupted.yes())? {
             Some(status) => Ok(status),
             None => Err(Stopped.into()),
@@ -141,10 +178,6 @@ fn last_words(text: &str) -> String {
     let (advice, lines): (Vec<&str>, Vec<&str>) = text.lines().partition(|line| line.starts_with(ADVICE));
     let last = lines.get(lines.len().saturating_sub(LAST_LINES)..).unwrap_or_default();
     [last, &advice].concat().join("\n")
-}
-
-fn absolute(path: &Path) -> anyhow::Result<PathBuf> {
-    path.canonicalize().with_context(|| format!("no folder {}", path.display()))
 }
 
 /// Copies a folder with everything in it.
