@@ -23,7 +23,7 @@ done
 cp -r params docs LICENSE README.md CHANGELOG.md "$stage/$name/"
 cat > "$stage/$name/START" <<TEXT
 Put bin on your PATH, in a shell: export PATH="\$PWD/bin:\$PATH"
-Then: whorl simulate --experiment leader_follower --out /tmp/run --seed 1
+Then: whorl demo
 or, with a recording of your own: whorl new FILE.csv
 TEXT
 tar --owner=0 --group=0 --sort=name -C "$stage" -czf "$out/$name.tar.gz" "$name"

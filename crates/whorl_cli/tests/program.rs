@@ -328,6 +328,27 @@ fn a_file_of_somebody_is_compared_after_two_commands() {
     assert!(again[0].contains("is there already"), "{again:?}");
 }
 
+/// Whatever goes wrong, the secret is told, and where everything is.
+#[test]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+fn a_demonstration_that_fails_tells_its_secret() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    assert!(whorl(&["init", &at("")]).status.success());
+    let experiment = at("params/experiments/swing.yaml");
+    let spoilt = std::fs::read_to_string(&experiment).unwrap().replace("kind: settle", "kind: stettle");
+    std::fs::write(&experiment, spoilt).unwrap();
+    let given = ["--effect", "bearing_viscous_friction", "--seed", "3", "--no-open"];
+    let output = whorl(&[&["demo", "--root", &at(""), "--out", &at("demo")], &given[..]].concat());
+    let (said, wrong) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(!output.status.success() && wrong.contains("kind = stettle: allowed: "), "{wrong}");
+    assert!(
+        said.contains("the secret was") && said.contains("bearing_viscous_friction: {c_n_m_s: 0.2"),
+        "{said}"
+    );
+    assert!(said.contains("found: nothing so far") && said.contains(&at("demo")), "{said}");
+}
+
 #[test]
 fn a_model_among_runs_is_said_to_be_one() {
     let lines = refused(&["history", &params("whorl_1.yaml"), "runs/a"]);

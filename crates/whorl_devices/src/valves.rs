@@ -36,7 +36,11 @@ pub(crate) fn read(
     let name_of = |jet: usize| names.get(jet).copied().unwrap_or_default();
     let mut outlets: Vec<Outlet> = Vec::new();
     for name in r.children(group) {
+        let errors = r.error_count();
         let number = r.group(group, |r| r.i64(&name, range(0..=i64::from(largest)), doc));
+        if r.error_count() > errors {
+            continue;
+        }
         let output = u32::try_from(number).unwrap_or(0);
         let key = format!("{group}.{name}");
         let Some((jet, found)) = model.jets().iter().enumerate().find(|(_, jet)| jet.name == name) else {

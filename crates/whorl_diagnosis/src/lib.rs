@@ -27,6 +27,7 @@ mod settings;
 #[cfg(test)]
 mod tests;
 mod threads;
+mod ties;
 mod verdict;
 mod whitening;
 
@@ -38,9 +39,10 @@ pub use directions::{Direction, Directions, Measured, Suspect, directions};
 pub use error::DiagnosisError;
 pub use fitter::{Fitter, fit};
 pub use options::{Options, Progress};
-pub use refit::{Fit, FittedParameter, Tie};
+pub use refit::{Fit, FittedParameter};
 pub use search::expected_information::{ExpectedInformation, InformationByRun, expected_information};
 pub use settings::{Allowed, Setting, Settings};
+pub use ties::Tie;
 
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_recording::Recording;

@@ -28,7 +28,7 @@ fn torques_about_one_axis_are_adopted_as_their_sum() {
     let adoption = adopt(&case, &[vec![EFFECT.to_owned()]], &Options::default(), &mut |_, _| {}).unwrap();
 
     let fit = adoption.versions.last().and_then(|version| version.fit.as_ref()).unwrap();
-    let [tie] = fit.ties.as_slice() else { panic!("{:?}", fit.ties) };
+    let [tie] = fit.ties.as_slice() else { panic!("{:?}: {:?}", fit.ties, fit.estimates) };
     let off = (tie.value - TORQUE_N_M) / tie.stddev;
     println!(
         "measured: {} = {} +- {}, {off:.2} off; alone {:?}",

@@ -56,7 +56,8 @@ pub(super) fn read(
 ) -> Option<LawSettings> {
     let kind = r.choice_or("kind", DEFAULT_KIND, &kinds(), "the relative-attitude law");
     for name in r.children("members") {
-        if !platforms.contains(&name) {
+        // Platforms that were refused are none.
+        if !platforms.is_empty() && !platforms.contains(&name) {
             r.reject(
                 &format!("members.{name}"),
                 format!("`{name}` is no platform; allowed: {}", platforms.join(", ")),
