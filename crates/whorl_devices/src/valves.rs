@@ -38,16 +38,15 @@ pub(crate) fn read(
     for name in r.children(group) {
         let errors = r.error_count();
         let number = r.group(group, |r| r.i64(&name, range(0..=i64::from(largest)), doc));
-        if r.error_count() > errors {
-            continue;
-        }
-        let output = u32::try_from(number).unwrap_or(0);
+        // One that was refused is there, and no other's.
+        let refused = r.error_count() > errors;
+        let output = if refused { u32::MAX } else { u32::try_from(number).unwrap_or(0) };
         let key = format!("{group}.{name}");
         let Some((jet, found)) = model.jets().iter().enumerate().find(|(_, jet)| jet.name == name) else {
             r.reject(&key, format!("{name} is no jet of this platform; allowed: {}", names.join(", ")));
             continue;
         };
-        if let Some(other) = outlets.iter().find(|other| other.output == output) {
+        if let Some(other) = outlets.iter().find(|other| !refused && other.output == output) {
             let other = name_of(other.jet);
             r.reject(&key, format!("{other} has number {output} already; allowed: a number of its own"));
         } else {
