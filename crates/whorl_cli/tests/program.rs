@@ -2,9 +2,15 @@
 
 use std::process::{Command, Output, Stdio};
 
+fn command(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_whorl"));
+    command.args(arguments);
+    command
+}
+
 fn whorl(arguments: &[&str]) -> Output {
     #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-    Command::new(env!("CARGO_BIN_EXE_whorl")).args(arguments).output().unwrap()
+    command(arguments).output().unwrap()
 }
 
 #[test]
@@ -371,7 +377,8 @@ fn no_text_of_a_file_steers_the_terminal() -> Result<(), std::io::Error> {
     let table = file("a.csv", &format!("t,wx,wy,wz,{hostile}evil\n0,0,0,1,2\n0.01,0,0,1,2\n"))?;
     let key = file("model.yaml", "\"\\e[31m\\e]0;T\\a\": 1\n")?;
     for arguments in [vec!["new", &table, "--no-questions"], vec!["history", &key]] {
-        let output = whorl(&arguments);
+        // What it writes stays there.
+        let output = command(&arguments).current_dir(folder.path()).output()?;
         let said = [output.stdout, output.stderr].concat();
         let text = String::from_utf8_lossy(&said);
         assert!(!said.contains(&0x1b) && !said.contains(&7), "{arguments:?}: {text:?}");
