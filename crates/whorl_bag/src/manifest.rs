@@ -1,8 +1,9 @@
 //! `manifest.yaml`: what was run, with what, and what was recorded.
 
-use std::path::Path;
+use std::path::{Component, Path};
 
 use saphyr::Yaml;
+use whorl_math::words::one_line;
 use whorl_node::Timestamp;
 
 use crate::metadata::replace_file;
@@ -194,11 +195,14 @@ impl Manifest {
                 .ok(),
             bag_bytes: node.count("bag_bytes")?,
             parameters: node.list("parameters", |file| {
-                Ok(ParameterFile {
-                    file: file.text("file")?,
-                    source: file.text("source")?,
-                    sha256: file.text("sha256")?,
-                })
+                let name = file.text("file")?;
+                // Of a run that somebody else made it may lead anywhere.
+                let is_inside =
+                    |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
+                if !Path::new(&name).components().all(is_inside) {
+                    return Err(file.wrong("file", "it leads out of the run directory"));
+                }
+                Ok(ParameterFile { file: name, source: file.text("source")?, sha256: file.text("sha256")? })
             })?,
             topics: node.list("topics", topic_from_yaml)?,
             description: RunDescription {
@@ -301,7 +305,7 @@ impl Node<'_, '_> {
     }
 
     fn text(&self, key: &str) -> Result<String, BagError> {
-        self.get(key, "a text is missing", |v| v.as_str().map(str::to_owned))
+        self.get(key, "a text is missing", |v| v.as_str().map(|text| one_line(text).into_owned()))
     }
 
     fn integer(&self, key: &str) -> Result<i64, BagError> {

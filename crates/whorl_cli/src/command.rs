@@ -2,6 +2,7 @@
 
 use anyhow::bail;
 use serde::Serialize;
+use whorl_math::words::one_line;
 use whorl_msgs::topics::{ExperimentResponse, Service};
 use whorl_msgs::whorl::srv::{AbortExperimentRequest, HoldExperimentRequest, StartExperimentRequest};
 use whorl_ros::environment::Network;
@@ -50,8 +51,6 @@ fn call(service: Service, request: &impl Serialize) -> anyhow::Result<String> {
     let response: ExperimentResponse = Participant::ask(&network, client, |participant, client, time| {
         client.call(participant, request, time)
     })?;
-    if !response.success {
-        bail!("{}", response.message);
-    }
-    Ok(response.message)
+    let message = one_line(&response.message).into_owned();
+    if response.success { Ok(message) } else { bail!(message) }
 }

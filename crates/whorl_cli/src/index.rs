@@ -8,7 +8,7 @@ use serde::Serialize;
 use serde_json::Value;
 use whorl_bag::RunDirectory;
 use whorl_math::deg_from_rad;
-use whorl_math::words::or_did_you_mean;
+use whorl_math::words::{one_line, or_did_you_mean};
 use whorl_report::{IndexRow, IndexedCampaign, index_html};
 use whorl_tables::{Table, Values};
 
@@ -129,14 +129,15 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     for campaign in &campaigns {
         let page =
             campaign_page(campaign).map_or_else(String::new, |page| format!("; page: {}", page.display()));
-        say!("campaign {}: {} runs done{page}", campaign.display(), runs_done(campaign));
+        let said = format!("campaign {}: {} runs done{page}", campaign.display(), runs_done(campaign));
+        say!("{}", one_line(&said));
     }
     if let Some(path) = &arguments.parquet {
         table(&rows).write(path)?;
         say!("table: {}", path.display());
     }
     for problem in &unreadable {
-        tell(format_args!("warning: {problem}"));
+        tell(format_args!("warning: {}", one_line(problem)));
     }
     if let Some(path) = &arguments.html {
         let base = path.parent().unwrap_or(Path::new(""));

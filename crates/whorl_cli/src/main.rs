@@ -59,6 +59,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use whorl_math::words::one_line;
 
 /// Runs, simulates and records spherical air-bearing platforms in formation, and explains why a rig does not do what its
 /// model says.
@@ -200,6 +201,14 @@ fn command_line() -> clap::Command {
 
 fn main() -> ExitCode {
     let matches = command_line().get_matches();
+    // Names of files are among them, and what prints one would print several lines of somebody else's.
+    if let Some(argument) = std::env::args_os().find(|argument| argument.as_encoded_bytes().contains(&b'\n'))
+    {
+        let shown = argument.display().to_string();
+        let what = "has an end of line in it; allowed: one line. A file of that name can be renamed";
+        output::tell(format_args!("error: `{}` {what}", one_line(&shown)));
+        return ExitCode::FAILURE;
+    }
     output::reserve(&matches);
     let command = match Arguments::from_arg_matches(&matches) {
         Ok(Arguments { command }) => command,

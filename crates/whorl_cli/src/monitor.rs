@@ -8,6 +8,7 @@ use anyhow::bail;
 use clap::Args;
 use nalgebra::Vector3;
 use serde_json::{Value, json};
+use whorl_math::words::one_line;
 use whorl_math::{EulerAngles, EulerSequence, deg_from_rad};
 use whorl_msgs::diagnostic_msgs::DiagnosticStatus;
 use whorl_msgs::topics::{Message, Route, Topic};
@@ -142,16 +143,19 @@ impl View {
     fn take(&mut self, route: Route, message: Message) {
         let platform = route.platform.map(|id| self.platforms.entry(id.0).or_default());
         match (platform, message) {
-            (_, Message::FormationState(m)) => self.formation = Some(m),
+            (_, Message::FormationState(m)) => {
+                self.formation = Some(FormationState { step: one_line(&m.step).into_owned(), ..m });
+            }
             (_, Message::DiagnosticArray(m)) => {
                 let contested = m.status.iter().find(|s| s.message.contains(SECOND_PUBLISHER));
                 if let Some(status) = contested {
-                    self.contested = Some(format!("{}: {}", status.name, status.message));
+                    self.contested =
+                        Some(one_line(&format!("{}: {}", status.name, status.message)).into_owned());
                 }
                 let recorder = m.status.into_iter().find(|s| s.name == RECORDER_STATUS);
                 if let Some(status) = recorder {
                     let stopped = status.level >= DiagnosticStatus::ERROR;
-                    self.not_recording = stopped.then_some(status.message);
+                    self.not_recording = stopped.then(|| one_line(&status.message).into_owned());
                 }
             }
             (Some(platform), Message::AttitudeEstimate(m)) => {
@@ -159,7 +163,9 @@ impl View {
                 platform.estimates += 1;
             }
             (Some(platform), Message::ControlStatus(m)) => platform.control = Some(m),
-            (Some(platform), Message::ModelFit(m)) => platform.fit = Some(m),
+            (Some(platform), Message::ModelFit(m)) => {
+                platform.fit = Some(ModelFit { effect: one_line(&m.effect).into_owned(), ..m });
+            }
             _ => {}
         }
     }

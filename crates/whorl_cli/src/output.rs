@@ -161,9 +161,7 @@ impl JsonArgument {
             put(format_args!("{text}\n"));
             return Ok(());
         }
-        let file = std::fs::OpenOptions::new().create(true).append(true).open(path);
-        file.and_then(|mut file| writeln!(file, "{text}"))
-            .with_context(|| format!("cannot write {}", path.display()))
+        whorl_files::append_line(path, &text).with_context(|| format!("cannot write {}", path.display()))
     }
 
     /// Whether the answer for programs takes the standard output.

@@ -38,6 +38,9 @@ pub fn as_json(run: &Path, report: &Written) -> anyhow::Result<Value> {
 /// The headline numbers, where the page is, and the verdict: the last line is what a run came to.
 pub fn print(report: &Written) {
     print_headline(&report.summary);
+    if let Some(why) = &report.moved {
+        tell(format_args!("warning: {why}: the page is in the working directory"));
+    }
     if let Some(why) = &report.not_kept {
         tell(format_args!("warning: the numbers are not kept with the run: {why}"));
     }

@@ -21,6 +21,8 @@ const CLOCK_SET: &str = "clock_set";
 pub struct Written {
     /// The page.
     pub page: PathBuf,
+    /// Why the page is in the working directory, if the run could not be written to.
+    pub moved: Option<String>,
     /// The numbers.
     pub summary: Summary,
     /// The verdict.
@@ -96,9 +98,18 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
         );
     }
     let page = html.map_or_else(|| page_of(path, "report.html"), Path::to_owned);
-    // Before the work, which may take minutes.
-    let mut file = NewFile::create(&page)
-        .with_context(|| format!("cannot write {}; --html takes another place", page.display()))?;
+    // Before the work, which may take minutes. Where the run cannot be written to, the working directory has the page, as those of
+    // comparisons.
+    let (mut file, page, moved) = match NewFile::create(&page) {
+        Ok(file) => (file, page, None),
+        Err(error) => {
+            let failed = || format!("cannot write {}; --html takes another place", page.display());
+            let here = page.file_name().map(PathBuf::from).filter(|here| html.is_none() && *here != page);
+            let Some(here) = here else { return Err(error).with_context(failed) };
+            let file = NewFile::create(&here).with_context(failed)?;
+            (file, here, Some(format!("cannot write {}: {error}", page.display())))
+        }
+    };
     let ReadRun { data, directory: run, recovered, undecodable } = read(path)?;
     let manifest = run.manifest_or_from_bag()?;
     let summary = whorl_report::summarise(&data);
@@ -129,7 +140,7 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
         entries.insert("verdict".to_owned(), serde_json::to_value(&verdict)?);
         not_kept = run.update_summary(&entries).err().map(|error| error.to_string());
     }
-    Ok(Written { page, summary, verdict, not_kept })
+    Ok(Written { page, moved, summary, verdict, not_kept })
 }
 
 /// Gas in the tank of a platform's model at the start \[kg\]; `None` without jets.

@@ -2,8 +2,11 @@
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
+use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
+
+use rustix::fs::OFlags;
 
 /// Names that are tried for the unfinished file, where somebody has taken some.
 const TRIED: usize = 1000;
@@ -27,6 +30,35 @@ pub fn write_file(path: &Path, content: impl AsRef<[u8]>) -> io::Result<()> {
     file.finish()
 }
 
+/// Adds a line to a file, which is made if there is none.
+///
+/// # Errors
+/// Those of the operating system; a link, which is not followed; a folder, a pipe or a device, except as for [`NewFile::create`].
+pub fn append_line(path: &Path, line: &str) -> io::Result<()> {
+    if !is_stream(path) {
+        refuse_other(path)?;
+    }
+    // Between the look and the opening somebody may have put a link there, or a pipe that would be waited for.
+    let flags = if is_stream(path) { OFlags::empty() } else { OFlags::NOFOLLOW | OFlags::NONBLOCK };
+    let mut options = OpenOptions::new();
+    options.create(true).append(true).custom_flags(flags.bits().cast_signed());
+    options.open(path)?.write_all(format!("{line}\n").as_bytes())
+}
+
+/// What stands at `path`, unless it is a folder, a pipe or a device.
+fn refuse_other(path: &Path) -> io::Result<Option<fs::Metadata>> {
+    let refused = |what: &str| {
+        Err(io::Error::new(ErrorKind::InvalidInput, format!("there is {what}; allowed: a file")))
+    };
+    match fs::symlink_metadata(path) {
+        Ok(old) if old.is_dir() => refused("a folder"),
+        Ok(old) if !old.is_file() && !old.is_symlink() => refused("a pipe or a device"),
+        Ok(old) => Ok(Some(old)),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
 impl NewFile {
     /// Begins a file. It keeps the permissions of the file whose place it takes.
     ///
@@ -38,19 +70,7 @@ impl NewFile {
             let file = OpenOptions::new().append(true).open(path)?;
             return Ok(Self { file, path: path.to_owned(), beside: None });
         }
-        let old = match fs::symlink_metadata(path) {
-            Ok(old) => Some(old),
-            Err(error) if error.kind() == ErrorKind::NotFound => None,
-            Err(error) => return Err(error),
-        };
-        let refused = |what: &str| {
-            Err(io::Error::new(ErrorKind::InvalidInput, format!("there is {what}; allowed: a file")))
-        };
-        match &old {
-            Some(old) if old.is_dir() => return refused("a folder"),
-            Some(old) if !old.is_file() && !old.is_symlink() => return refused("a pipe or a device"),
-            _ => {}
-        }
+        let old = refuse_other(path)?;
         let (file, beside) = create_beside(path)?;
         let new = Self { file, path: path.to_owned(), beside: Some(beside) };
         if let Some(old) = old.filter(fs::Metadata::is_file) {
@@ -154,6 +174,22 @@ mod tests {
     }
 
     #[test]
+    fn lines_are_added_to_files_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        ["one", "two"].iter().for_each(|line| append_line(&at("lines"), line).unwrap());
+        assert_eq!(fs::read_to_string(at("lines")).unwrap(), "one\ntwo\n");
+        symlink(at("lines"), at("link")).unwrap();
+        symlink(at("nowhere"), at("loose")).unwrap();
+        assert!(std::process::Command::new("mkfifo").arg(at("pipe")).status().unwrap().success());
+        for name in ["link", "loose", "pipe", "."] {
+            assert!(append_line(&at(name), "three").is_err(), "{name} is written to");
+        }
+        assert_eq!(fs::read_to_string(at("lines")).unwrap(), "one\ntwo\n");
+        assert!(!at("nowhere").exists());
+    }
+
+    #[test]
     fn names_that_somebody_has_prepared_are_passed_over() {
         let folder = tempfile::tempdir().unwrap();
         let victim = folder.path().join("victim");
@@ -189,6 +225,7 @@ mod tests {
         assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
         assert!(refused(&pipe).contains("a pipe or a device"));
         write_file(Path::new("/dev/null"), "x").unwrap();
+        append_line(Path::new("/dev/null"), "x").unwrap();
         assert!(!fs::metadata("/dev/null").unwrap().is_file());
     }
 }

@@ -1,5 +1,7 @@
 //! The known words that a mistyped one may stand for: the one source of "did you mean" in all messages.
 
+use std::borrow::Cow;
+
 /// The candidate with the smallest edit distance, if it is close enough.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let length = word.chars().count();
@@ -60,15 +62,26 @@ fn sharing_most<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Ve
     if best.len() <= MOST { best } else { Vec::new() }
 }
 
-/// A text in a message: its first `most` characters, and how many it has in all. What was read may be megabytes.
+/// A text in a message: its first `most` characters, in [`one_line`], and how many it has in all. What was read may be megabytes.
 #[must_use]
-pub fn shortened(text: &str, most: usize) -> std::borrow::Cow<'_, str> {
+pub fn shortened(text: &str, most: usize) -> Cow<'_, str> {
     match text.char_indices().nth(most) {
-        None => text.into(),
+        None => one_line(text),
         Some((end, _)) => {
             let (shown, all) = (text.get(..end).unwrap_or_default(), text.chars().count());
-            format!("{shown}... ({all} characters)").into()
+            format!("{}... ({all} characters)", one_line(shown)).into()
         }
+    }
+}
+
+/// A name or a sentence that somebody else wrote, in one line: ends of lines are written as JSON writes them, `\u000a`. Otherwise it
+/// could add lines that look like those of the program.
+#[must_use]
+pub fn one_line(text: &str) -> Cow<'_, str> {
+    if text.contains(['\n', '\r']) {
+        text.replace('\n', "\\u000a").replace('\r', "\\u000d").into()
+    } else {
+        text.into()
     }
 }
 
@@ -111,5 +124,13 @@ mod tests {
         assert_eq!(shortened("abc", 3), "abc");
         assert_eq!(shortened("äöüß", 2), "äö... (4 characters)");
         assert!(shortened(&"ä".repeat(5_000_000), 40).len() < 120);
+    }
+
+    #[test]
+    fn names_have_one_line() {
+        assert_eq!(one_line("hold\nverdict: PASSED\r"), "hold\\u000averdict: PASSED\\u000d");
+        assert!(matches!(one_line("Ångström\t1"), Cow::Borrowed(_)));
+        assert_eq!(shortened("a\nbcd", 3), "a\\u000ab... (5 characters)");
+        assert_eq!(shortened("a\nb", 3), "a\\u000ab");
     }
 }
