@@ -11,7 +11,7 @@ use ros2_client::dds::rustdds::{
     bytes::Bytes,
     dds::CreateResult,
     no_key::{DataWriter, SimpleDataReader},
-    policy::{Durability, History, Reliability},
+    policy::{Durability, History, Reliability, ResourceLimits},
 };
 use whorl_msgs::topics::Qos;
 
@@ -52,6 +52,19 @@ impl EndpointQos {
     pub const DISCOVERY_INFO: Self = Self { reliable: true, depth: 1, transient_local: true };
 
     fn policies(self) -> QosPolicies {
+        self.builder().build()
+    }
+
+    /// What is kept of a topic in all: RustDDS keeps 64 samples of it where nothing else is said, however large they are, and a
+    /// stranger's may be of megabytes.
+    fn policies_of_topic(self) -> QosPolicies {
+        let most = i32::from(self.depth).max(LEAST_KEPT);
+        let limits =
+            ResourceLimits { max_samples: most, max_instances: most, max_samples_per_instance: most };
+        self.builder().resource_limits(limits).build()
+    }
+
+    fn builder(self) -> QosPolicyBuilder {
         // A writer that waits for a slow reliable reader blocks the core: 10 ms at most.
         let max_blocking_time = ros2_client::dds::rustdds::Duration::from_millis(10);
         QosPolicyBuilder::new()
@@ -62,7 +75,6 @@ impl EndpointQos {
             })
             .durability(if self.transient_local { Durability::TransientLocal } else { Durability::Volatile })
             .history(History::KeepLast { depth: i32::from(self.depth) })
-            .build()
     }
 }
 
@@ -93,6 +105,9 @@ impl DiscoveredEndpoint {
     }
 }
 
+/// Samples of a topic that are kept for its reader at least: 0.2 s of the fastest topics, for which DDS stands still at times where
+/// traffic is secured.
+const LEAST_KEPT: i32 = 20;
 /// How often creation is repeated when DDS gets stuck. This happens to about one participant in a hundred on a
 /// very busy machine.
 const ATTEMPTS: usize = 5;
@@ -207,7 +222,8 @@ impl Participant {
         let (topic, dds_type) = (topic.to_owned(), dds_type.to_owned());
         let work = move || {
             let policies = qos.policies();
-            let topic = entities.participant.create_topic(topic, dds_type, &policies, TopicKind::NoKey)?;
+            let kept = qos.policies_of_topic();
+            let topic = entities.participant.create_topic(topic, dds_type, &kept, TopicKind::NoKey)?;
             create(&entities, &topic, policies)
         };
         match self.worker.run(LONGEST_CREATION, work) {
