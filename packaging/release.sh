@@ -30,7 +30,7 @@ tar --owner=0 --group=0 --sort=name -C "$stage" -czf "$out/$name.tar.gz" "$name"
 # What is in it starts.
 "$stage/$name/bin/whorl" --version
 if command -v maturin > /dev/null; then
-    maturin build --release --locked --manifest-path python/Cargo.toml --out "$out"
+    maturin build --release --locked --manifest-path python/Cargo.toml --features object_storage --out "$out"
 else
     echo "no wheel: there is no maturin (pip install maturin)" >&2
 fi
