@@ -33,6 +33,7 @@ mod statistics;
 mod storage;
 mod summary;
 mod units;
+mod unpacked;
 mod utc;
 mod writer;
 mod yaml;
@@ -58,6 +59,7 @@ pub use scan::Integrity;
 pub use sequence::{Arrival, SequenceCounts, SequenceTracker};
 pub use statistics::{GAP_PERIODS, TopicStatistics, TopicSummary, WriterId};
 pub use units::Unit;
+pub use unpacked::is_bag;
 pub use utc::utc;
 pub use writer::{BagOptions, BagWriter, Compression, Sample, TopicHandle};
 

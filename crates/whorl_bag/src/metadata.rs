@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use whorl_msgs::{MessageType, Topic};
 
 use crate::BagError;
+use crate::compression::ZSTANDARD;
+use crate::unpacked::is_packed;
 use crate::yaml::{self, YamlWriter};
 
 /// One topic of a bag.
@@ -187,6 +189,9 @@ pub(crate) fn files_and_doubt(bag: &Path) -> Result<(Vec<PathBuf>, Option<String
 }
 
 fn begins_as_mcap(file: &Path) -> bool {
+    if is_packed(file) {
+        return true;
+    }
     let mut magic = [0; mcap::MAGIC.len()];
     let read =
         std::fs::File::open(file).and_then(|mut file| std::io::Read::read_exact(&mut file, &mut magic));
@@ -210,11 +215,13 @@ fn files_of_metadata(bag: &Path, path: &Path, text: &str) -> Result<Vec<PathBuf>
     if storage != "mcap" {
         return Err(BagError::Storage { path: bag.to_owned(), storage: storage.to_owned() });
     }
-    let compression =
-        yaml::find(information, &["compression_mode"]).and_then(|v| v.as_str()).unwrap_or_default();
-    if !matches!(compression.to_ascii_lowercase().as_str(), "" | "none") {
+    let said = |key: &str| yaml::find(information, &[key]).and_then(|v| v.as_str()).unwrap_or_default();
+    let (mode, format) = (said("compression_mode"), said("compression_format"));
+    if !matches!(mode.to_ascii_lowercase().as_str(), "" | "none") && format != ZSTANDARD {
         return Err(wrong(format!(
-            "compression_mode {compression} wraps the storage: decompress it first with `ros2 bag convert`"
+            "compression_mode {mode} with the compression_format `{format}`; read is {ZSTANDARD}. `ros2 bag convert -i {} -o <file>` takes it off, where <file> \
+             says `output_bags: [{{uri: <new directory>, storage_id: mcap, all_topics: true}}]`",
+            bag.display()
         )));
     }
     let names = yaml::find(information, &["relative_file_paths"])
@@ -224,7 +231,14 @@ fn files_of_metadata(bag: &Path, path: &Path, text: &str) -> Result<Vec<PathBuf>
     let files: Vec<PathBuf> = names
         .iter()
         .filter_map(|name| Path::new(name.as_str()?).file_name())
-        .map(|name| bag.join(name))
+        // Of compressed files rosbag2 lists the name with the ending, or, in some versions, without.
+        .map(|name| match bag.join(name) {
+            file if file.exists() => file,
+            file => {
+                let packed = file.with_extension(format!("mcap.{ZSTANDARD}"));
+                if packed.exists() { packed } else { file }
+            }
+        })
         .collect();
     match files.iter().find(|file| !file.exists()) {
         Some(missing) => Err(BagError::not_found(missing)),
@@ -242,10 +256,15 @@ fn files_of_directory(bag: &Path) -> Result<Vec<PathBuf>, BagError> {
         let extension = Some(std::ffi::OsStr::new(extension));
         files.iter().filter(move |f| f.extension() == extension).cloned().collect::<Vec<_>>()
     };
-    let mcap = has("mcap");
+    let stored = |storage: &str, file: &PathBuf| {
+        is_packed(file)
+            && file.file_stem().is_some_and(|stem| Path::new(stem).extension() == Some(storage.as_ref()))
+    };
+    let (mut mcap, sqlite) = (has("mcap"), has("db3"));
+    mcap.extend(files.iter().filter(|file| stored("mcap", file)).cloned());
     if !mcap.is_empty() {
         Ok(mcap)
-    } else if !has("db3").is_empty() {
+    } else if !sqlite.is_empty() || files.iter().any(|file| stored("db3", file)) {
         Err(BagError::Storage { path: bag.to_owned(), storage: "sqlite3".into() })
     } else {
         Err(BagError::NotABag { path: bag.to_owned() })

@@ -7,12 +7,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use mcap::sans_io::{IndexedReadEvent, IndexedReader, IndexedReaderOptions};
+use tempfile::TempDir;
+use whorl_math::words::one_line;
 use whorl_msgs::Message;
 use whorl_node::Timestamp;
 
 use crate::compression::Zstandard;
 use crate::metadata::{both, files_and_doubt};
 use crate::scan::{Contents, Integrity, LooseMessage, RECORD_LIMIT};
+use crate::unpacked::unpacked;
 use crate::{BagError, BagFile, BagMetadata, BagTopic};
 
 /// Chunks that overlap in time are held together, up to so many bytes, decoded: recorders write one after the other.
@@ -28,6 +31,8 @@ pub struct BagReader {
     topics: Vec<Arc<BagTopic>>,
     integrity: Integrity,
     doubt: Option<String>,
+    /// What was unpacked; removed with the last that reads it.
+    unpacked: Vec<Arc<TempDir>>,
 }
 
 /// A message as it stands in a bag.
@@ -84,7 +89,7 @@ impl BagReader {
         let kind = std::fs::metadata(path).map_err(|e| BagError::io("cannot open", path, e))?;
         let (files, doubt) = if kind.is_dir() {
             files_and_doubt(path)?
-        } else if path.extension().is_some_and(|extension| extension == "db3") {
+        } else if path.file_name().is_some_and(|name| name.to_string_lossy().contains(".db3")) {
             return Err(BagError::Storage { path: path.to_owned(), storage: "sqlite3".into() });
         } else {
             (vec![path.to_owned()], None)
@@ -95,8 +100,11 @@ impl BagReader {
             topics: Vec::new(),
             integrity: Integrity { complete: true, ..Integrity::default() },
             doubt,
+            unpacked: Vec::new(),
         };
         for file in files {
+            let (file, folder) = unpacked(&file)?;
+            reader.unpacked.extend(folder);
             let described = reader.add_file(&file)?;
             reader.files.push((file, described));
         }
@@ -116,7 +124,7 @@ impl BagReader {
             let count = contents.counts.get(&channel.id).copied().unwrap_or(0);
             // Several channels of one topic (writers with different quality of service, or several
             // files) are one topic here.
-            match self.topics.iter_mut().find(|topic| topic.name == channel.topic) {
+            match self.topics.iter_mut().find(|topic| topic.name == one_line(&channel.topic)) {
                 Some(topic) => {
                     let topic = Arc::make_mut(topic);
                     topic.message_count += count;
@@ -212,7 +220,13 @@ impl BagReader {
     pub fn select(&self, filter: MessageFilter) -> Messages {
         let files =
             self.files.iter().filter_map(|(path, file)| Some((path.clone(), signed(file.bounds_ns?.0))));
-        Messages { filter, topics: self.topics.clone(), files: files.collect(), open: Vec::new() }
+        Messages {
+            filter,
+            topics: self.topics.clone(),
+            files: files.collect(),
+            open: Vec::new(),
+            _unpacked: self.unpacked.clone(),
+        }
     }
 }
 
@@ -223,6 +237,7 @@ pub struct Messages {
     /// Files that have not been opened yet, with the log time of the first message.
     files: VecDeque<(PathBuf, Timestamp)>,
     open: Vec<FileMessages>,
+    _unpacked: Vec<Arc<TempDir>>,
 }
 
 impl Iterator for Messages {
@@ -274,13 +289,16 @@ impl FileMessages {
     pub fn open(path: PathBuf, filter: &MessageFilter, topics: &[Arc<BagTopic>]) -> Result<Self, BagError> {
         let (file, mut contents) = open_contents(&path)?;
         let wanted = |name: &str| filter.topics.as_ref().is_none_or(|list| list.iter().any(|t| t == name));
+        let mut written = BTreeSet::new();
         let topics: HashMap<u16, Arc<BagTopic>> = contents
             .summary
             .channels
             .iter()
-            .filter(|(_, channel)| wanted(&channel.topic))
             .filter_map(|(&id, channel)| {
-                Some((id, Arc::clone(topics.iter().find(|t| t.name == channel.topic)?)))
+                let name = one_line(&channel.topic);
+                let topic = topics.iter().find(|topic| topic.name == name && wanted(&name))?;
+                written.insert(channel.topic.clone());
+                Some((id, Arc::clone(topic)))
             })
             .collect();
         let from = filter.from.map_or(0, |t| u64::try_from(t.0).unwrap_or(0));
@@ -293,9 +311,8 @@ impl FileMessages {
             // To the indexed reader an empty selection means everything.
             contents.summary.chunk_indexes.clear();
         }
-        let names: BTreeSet<String> = topics.values().map(|topic| topic.name.clone()).collect();
         let mut options =
-            IndexedReaderOptions::new().include_topics(names).with_record_length_limit(RECORD_LIMIT);
+            IndexedReaderOptions::new().include_topics(written).with_record_length_limit(RECORD_LIMIT);
         if from > 0 {
             options = options.starting_at(from);
         }
@@ -332,6 +349,13 @@ impl FileMessages {
     }
 
     pub fn next(&mut self) -> Option<Result<RecordedMessage, BagError>> {
+        let stored = self.next_stored()?;
+        Some(stored.and_then(|message| {
+            Ok(RecordedMessage { cdr: crate::unpacked::message(&self.path, message.cdr)?, ..message })
+        }))
+    }
+
+    fn next_stored(&mut self) -> Option<Result<RecordedMessage, BagError>> {
         let loose_first = match (&self.head, self.loose.front()) {
             (Some(Ok(head)), Some(loose)) => signed(loose.header.log_time) < head.log_time,
             (_, Some(_)) => true,
@@ -417,8 +441,13 @@ pub(crate) fn open_contents(path: &Path) -> Result<(File, Contents), BagError> {
 
 pub(crate) fn topic_of(channel: &mcap::Channel<'_>, message_count: u64) -> BagTopic {
     BagTopic {
-        name: channel.topic.clone(),
-        type_name: channel.schema.as_ref().map(|schema| schema.name.clone()).unwrap_or_default(),
+        // No name in ROS has several lines.
+        name: one_line(&channel.topic).into_owned(),
+        type_name: channel
+            .schema
+            .as_ref()
+            .map(|schema| one_line(&schema.name).into_owned())
+            .unwrap_or_default(),
         encoding: channel.message_encoding.clone(),
         offered_qos_profiles: channel.metadata.get("offered_qos_profiles").cloned().unwrap_or_default(),
         message_count,

@@ -10,6 +10,7 @@ use whorl_files::NewFile;
 use crate::metadata::mcap_files;
 use crate::reader::{FileMessages, MessageFilter, open_contents, topic_of};
 use crate::storage::{Reserve, lock};
+use crate::unpacked::is_packed;
 use crate::{BagError, BagReader, BagTopic};
 
 /// What [`recover`] did.
@@ -34,7 +35,8 @@ pub struct Recovery {
 pub fn recover(bag: &Path) -> Result<Recovery, BagError> {
     let mut recovery = Recovery::default();
     let files = mcap_files(bag)?;
-    for path in &files {
+    // One that was compressed was complete before.
+    for path in files.iter().filter(|path| !is_packed(path)) {
         let (file, contents) = open_contents(path)?;
         lock(&file, path)?;
         if contents.integrity.complete {

@@ -19,9 +19,9 @@ use crate::compression::decode;
 /// and a single message of a camera or a lidar has tens.
 pub(crate) const RECORD_LIMIT: usize = 128 << 20;
 /// The chunks of a file decode to so many times its length at most, and to [`FREE`] in any case: measurements shrink to a tenth, ...
-const EXPANSION: u64 = 200;
+pub(crate) const EXPANSION: u64 = 200;
 /// ... and a small file may be as regular as it likes \[bytes\].
-const FREE: u64 = 256 << 20;
+pub(crate) const FREE: u64 = 256 << 20;
 /// Messages outside chunks that are listed; some hours of a platform with a camera.
 const MOST_LOOSE: usize = 20_000_000;
 

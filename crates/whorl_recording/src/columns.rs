@@ -1,8 +1,17 @@
 //! The numbers of one channel, without an allocation for each sample: an hour at 100 Hz has 360,000.
 
+use std::borrow::Cow;
+
 use whorl_bag::held::{Runs, Thinning};
 
 use crate::recording::is_whole;
+
+/// Fewer lines do not show that two sensors send them.
+const FEWEST_TOLD: usize = 50;
+/// A line is of the other sensor when it is so many times farther from the line before than from one before that, ...
+const FARTHER: f64 = 4.0;
+/// ... and two sensors send them when so many lines are: three of four where their order varies, all where it does not.
+const MOST_JUMP: f64 = 0.6;
 
 /// A time and its numbers.
 type Line<'a> = (i64, &'a [f64]);
@@ -86,6 +95,82 @@ impl Columns {
         sorted.extend(order.into_iter().filter_map(|line| self.line(line)));
         *self = sorted;
         left_out
+    }
+
+    /// In order of time. Where most times have several lines that differ, a sensor with a buffer was read now and then: all are kept, in
+    /// the order that they came, spread evenly over the time since the one before. Else each time counts once, the first of those
+    /// that share one. Returns how many were left out, and how many were spread.
+    pub fn in_order_or_spread(&mut self) -> (usize, usize) {
+        if self.time_ns.is_sorted_by(|a, b| a < b) {
+            return (0, 0);
+        }
+        let mut sorted = self.sorted().into_owned();
+        let differ = sorted.pairs().filter(|((a, x), (b, y))| a == b && x != y).count();
+        let times = sorted.time_ns.chunk_by(|a, b| a == b).count();
+        if 2 * differ < times {
+            return (self.in_order(), 0);
+        }
+        sorted.spread();
+        *self = sorted;
+        (0, self.len() - times)
+    }
+
+    /// By time; lines of one time stay in the order that they came.
+    fn sorted(&self) -> Cow<'_, Self> {
+        if self.time_ns.is_sorted() {
+            return Cow::Borrowed(self);
+        }
+        let mut order: Vec<usize> = (0..self.len()).collect();
+        order.sort_by_key(|line| self.time_ns.get(*line));
+        let mut sorted = Self { width: self.width, ..Self::default() };
+        sorted.extend(order.into_iter().filter_map(|line| self.line(line)));
+        Cow::Owned(sorted)
+    }
+
+    /// Times of their own for lines of one time: evenly since the time before, of the first as far apart as those of the next.
+    fn spread(&mut self) {
+        let bursts: Vec<(i64, usize)> =
+            self.time_ns.chunk_by(|a, b| a == b).map(|burst| (burst[0], burst.len())).collect();
+        let mut times = Vec::with_capacity(self.time_ns.len());
+        for (k, (at, count)) in bursts.iter().enumerate() {
+            let before =
+                k.checked_sub(1).and_then(|k| bursts.get(k)).map(|(before, _)| at.saturating_sub(*before));
+            let after = bursts.get(k + 1).map(|(next, _)| next.saturating_sub(*at));
+            let long = i128::from(before.or(after).unwrap_or(*count as i64));
+            let count = *count as i128;
+            times.extend((1..=count).map(|place| at.saturating_sub((long * (count - place) / count) as i64)));
+        }
+        self.time_ns = times;
+    }
+
+    /// Two readings, where two sensors send these lines: most lines are far from the one before and close to one of the two before
+    /// that. Noise does that in a third of the lines at most.
+    pub fn two_senders(&self) -> Option<[Vec<f64>; 2]> {
+        let sorted = self.sorted();
+        if sorted.len() < FEWEST_TOLD {
+            return None;
+        }
+        let apart = |a: Option<Line<'_>>, b: Option<Line<'_>>| -> f64 {
+            let (Some((_, a)), Some((_, b))) = (a, b) else { return f64::NAN };
+            a.iter()
+                .zip(b)
+                .filter(|(a, b)| a.is_finite() && b.is_finite())
+                .map(|(a, b)| (a - b).powi(2))
+                .sum::<f64>()
+                .sqrt()
+        };
+        let jumps = (3..sorted.len()).filter(|k| {
+            let here = sorted.line(*k);
+            let from = |back: usize| apart(here, sorted.line(k - back));
+            from(1) > FARTHER * from(2).min(from(3))
+        });
+        let jumps: Vec<usize> = jumps.collect();
+        if (jumps.len() as f64) < MOST_JUMP * (sorted.len() - 3) as f64 {
+            return None;
+        }
+        let middle = *jumps.get(jumps.len() / 2)?;
+        let numbers = |line: usize| sorted.line(line).map(|(_, numbers)| numbers.to_vec());
+        Some([numbers(middle - 1)?, numbers(middle)?])
     }
 
     /// Without the repetitions of values that a faster log holds: in how many lines each stands, and how many were left out.

@@ -103,7 +103,7 @@ pub enum RecordingError {
     /// Messages, but not one finite number in them.
     #[error(
         "{}: {platform} has {messages} messages of gyro, accelerometer and wheels, and not one finite number \
-         in them: look at the driver's log, or record again", path.display()
+         in them: look at the driver's log, or record again{}{said}", path.display(), if said.is_empty() { "" } else { ". " }
     )]
     NothingFinite {
         /// The run.
@@ -112,6 +112,8 @@ pub enum RecordingError {
         platform: String,
         /// How many messages there are.
         messages: usize,
+        /// What was noticed on reading.
+        said: String,
     },
     /// A CSV file without a number in the columns that count.
     #[error(

@@ -20,6 +20,7 @@ mod recording;
 mod series;
 #[cfg(test)]
 mod tests;
+mod truth;
 mod write;
 
 pub use component::Component;
@@ -33,5 +34,6 @@ pub use model::{KnownPlatform, load_effects, read_model, usual_rate_hz};
 pub use read::{ReadOptions, nothing_in, read_run, read_run_with};
 pub use recording::{Mounting, OnInterval, Recording, TrueMotion, VectorChannel};
 pub use series::{ChannelSeries, Series};
+pub use truth::TruthCheck;
 pub use whorl_bag::{Channel, ChannelInfo, Form};
 pub use write::{RunOrigin, write_long_csv, write_run};

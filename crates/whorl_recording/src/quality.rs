@@ -222,6 +222,7 @@ impl Recording {
             ));
         }
         found.extend(self.contradictions(model));
+        found.extend(self.truth_contradiction().map(|said| format!("{said}.")));
         if model.is_none_or(|model| model.freedom.has_weight()) {
             let upright = model.is_none_or(|model| model.freedom.hinge_axis_b().is_none());
             if self.has_whole_accelerometer() {

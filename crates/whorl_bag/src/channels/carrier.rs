@@ -59,16 +59,36 @@ impl Carrier {
     /// is of another type.
     #[must_use]
     pub fn read(self, message: &Message) -> Option<Vec<f64>> {
-        let axes = |v: Vector3| Some(<[f64; 3]>::from(v).to_vec());
-        let given = |covariance: &[f64; 9]| covariance.first() != Some(&NOT_MEASURED);
-        let list = |values: &Vec<f64>| Some(values.clone()).filter(|values| !values.is_empty());
-        match (self, message) {
+        if self.marked_missing(message).is_some() {
+            return None;
+        }
+        self.read_marked(message)
+    }
+
+    /// The field of a message that says that these numbers were not measured (`sensor_msgs/Imu`: -1 as the first element of their
+    /// covariance); `None` where nothing says so.
+    #[must_use]
+    pub fn marked_missing(self, message: &Message) -> Option<&'static str> {
+        let (field, covariance) = match (self, message) {
             (Self::AngularVelocity, Message::Imu(m)) => {
-                axes(m.angular_velocity).filter(|_| given(&m.angular_velocity_covariance))
+                ("angular_velocity_covariance", &m.angular_velocity_covariance)
             }
             (Self::LinearAcceleration, Message::Imu(m)) => {
-                axes(m.linear_acceleration).filter(|_| given(&m.linear_acceleration_covariance))
+                ("linear_acceleration_covariance", &m.linear_acceleration_covariance)
             }
+            _ => return None,
+        };
+        (covariance.first() == Some(&NOT_MEASURED)).then_some(field)
+    }
+
+    /// As [`Self::read`], whatever the message says of its numbers.
+    #[must_use]
+    pub fn read_marked(self, message: &Message) -> Option<Vec<f64>> {
+        let axes = |v: Vector3| Some(<[f64; 3]>::from(v).to_vec());
+        let list = |values: &Vec<f64>| Some(values.clone()).filter(|values| !values.is_empty());
+        match (self, message) {
+            (Self::AngularVelocity, Message::Imu(m)) => axes(m.angular_velocity),
+            (Self::LinearAcceleration, Message::Imu(m)) => axes(m.linear_acceleration),
             (Self::Vector, Message::Vector3Stamped(m)) => axes(m.vector),
             (Self::JointPosition, Message::JointState(m)) => list(&m.position),
             (Self::JointVelocity, Message::JointState(m)) => list(&m.velocity),

@@ -76,6 +76,19 @@ pub struct ChannelInfo {
     pub resolution: Option<f64>,
 }
 
+impl ChannelInfo {
+    /// What stands for an axis without a column: a sensor does not measure it, and what acts does not act about it. `None`: all three
+    /// are needed.
+    #[must_use]
+    pub fn absent_axis(&self) -> Option<f64> {
+        if self.may_lack_axes {
+            Some(f64::NAN)
+        } else {
+            (self.is_held && self.form == Form::Axes).then_some(0.0)
+        }
+    }
+}
+
 /// What most rows have.
 const ROW: ChannelInfo = ChannelInfo {
     key: "",

@@ -7,7 +7,7 @@ use whorl_math::words::{or_did_you_mean, shortened};
 use whorl_params::ParameterErrors;
 
 /// Characters of a cell that are shown.
-const LONGEST: usize = 60;
+pub(super) const LONGEST: usize = 60;
 /// Characters of the names of all columns that are shown.
 const LONGEST_HEADER: usize = 2000;
 
@@ -86,7 +86,8 @@ pub enum CsvError {
     #[error(
         "{}:{line}: column `{column}`: time {time_s} s does not come after {previous_s} s{}", path.display(),
         if time_s == previous_s {
-            "; where several lines have one time, `duplicates: mean` or `first` of the map's time says which counts"
+            "; where several lines have one time, `duplicates` of the map's time says which counts: first, mean, or burst: \
+             measured one after the other since the time before"
         } else {
             ""
         }

@@ -115,7 +115,7 @@ fn lines_of_one_time_are_joined_or_the_map_says_what_they_are() {
     let same =
         format!("{HEADER}0,1,0,0,0,0,9,,,\n0,3,0,0,0,0,10,1,0,0\n0,8,0,0,0,0,11,3,4,0\n1,5,0,0,0,0,9,,,\n");
     let refused = read(MAP, &same).err().unwrap();
-    assert!(refused.contains("a.csv:3") && refused.contains("duplicates: mean"), "{refused}");
+    assert!(refused.contains("a.csv:3") && refused.contains("first, mean, or burst"), "{refused}");
     let kind = |kind: &str| {
         read(&MAP.replace("column: t", &format!("column: t, duplicates: {kind}")), &same).unwrap()
     };
@@ -124,6 +124,33 @@ fn lines_of_one_time_are_joined_or_the_map_says_what_they_are() {
     assert_eq!((mean.rows.len(), gyro(&mean.rows[0])), (2, Some(4.0)));
     assert_eq!(mean.rows[0].vector_lengths, [Some(8_f64.sqrt())]);
     assert!(mean.notes[0].contains("2 lines have the time of the line before: their mean counts"));
+    let burst = kind("burst");
+    assert_eq!(burst.rows.iter().filter_map(gyro).collect::<Vec<_>>(), [1.0, 3.0, 8.0, 5.0]);
+    // The first burst is as long as the next, three parts of it before its time.
+    let times: Vec<i64> = burst.rows.iter().map(|row| row.time_ns).collect();
+    assert_eq!(times, [-666_666_666, -333_333_333, 0, 1_000_000_000]);
+    let later = format!("{HEADER}0,1,0,0,0,0,9,,,\n1,2,0,0,0,0,9,,,\n1,3,0,0,0,0,9,,,\n");
+    let later = read(&MAP.replace("column: t", "column: t, duplicates: burst"), later).unwrap();
+    assert_eq!(later.rows.iter().map(|row| row.time_ns).collect::<Vec<_>>(), [0, 500_000_000, 1_000_000_000]);
+    assert!(later.notes[0].contains("spread over the time since"), "{:?}", later.notes);
+}
+
+#[test]
+fn clocks_that_end_or_were_set_are_bridged_and_said() {
+    let lines = |times: [&str; 3]| {
+        let lines = times.iter().enumerate().map(|(i, t)| format!("{t},{i},0,0,0,0,9,,,\n"));
+        format!("{HEADER}{}", lines.collect::<String>())
+    };
+    let micros = MAP.replace("column: t", "column: t, unit: us");
+    let found = read(&micros, lines(["2147473647", "2147483647", "-2147473649"])).unwrap();
+    assert_eq!(found.rows[2].time_ns - found.rows[1].time_ns, 10_000_000);
+    assert!(found.notes[0].contains("32 bits and begins anew in line 4"), "{:?}", found.notes);
+    let found = read(MAP, lines(["1451606400.00", "1451606400.01", "1655000000.02"])).unwrap();
+    assert_eq!(found.rows[2].time_ns - found.rows[1].time_ns, 10_000_000);
+    assert!(found.notes[0].contains("set ahead by 2354 days before line 4"), "{:?}", found.notes);
+    // A second back is an error as before.
+    let refused = read(MAP, lines(["10.0", "10.01", "9.0"])).err().unwrap();
+    assert!(refused.contains("a.csv:4") && refused.contains("does not come after"), "{refused}");
 }
 
 #[test]

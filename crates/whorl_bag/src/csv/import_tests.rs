@@ -169,8 +169,8 @@ fn errors_name_file_line_and_column() {
     );
     assert_eq!(
         error(&format!("{HEADER}{line}{line}")),
-        "a.csv:3: column `t`: time 0 s does not come after 0 s; where several lines have one time, `duplicates: mean` or `first` of the \
-         map's time says which counts"
+        "a.csv:3: column `t`: time 0 s does not come after 0 s; where several lines have one time, `duplicates` of the map's time says which counts: first, mean, or burst: \
+         measured one after the other since the time before"
     );
     assert_eq!(error(&format!("{HEADER}{line}1,2\n")), "a.csv:3: 2 cells, but the header has 15");
     assert_eq!(error(HEADER), "a.csv: there are no measurements: no line of numbers");

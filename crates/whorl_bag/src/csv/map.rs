@@ -188,8 +188,9 @@ impl CsvMap {
                 Form::Axes => {
                     let columns = names::<3>(r, info.holds);
                     let missing = columns.iter().filter(|name| *name == NO_COLUMN).count();
-                    if missing == 3 || missing > 0 && !info.may_lack_axes {
-                        let few = if info.may_lack_axes { "at least one" } else { "all three" };
+                    let may_lack = info.absent_axis().is_some();
+                    if missing == 3 || missing > 0 && !may_lack {
+                        let few = if may_lack { "at least one" } else { "all three" };
                         r.reject(
                             "columns",
                             format!("~ stands for an axis that is not measured, and here {few} must be"),
@@ -433,10 +434,15 @@ fn counted(r: &mut Reader<'_>, doc: &str, members: Option<Members<'_>>) -> Vec<S
         r.reject(
             "columns",
             format!(
-                "{} names, but {of} has {} {what}; allowed: one column for each of {}, in this order",
+                "{} names, but {of} has {} {what}; allowed: {}",
                 columns.len(),
                 names.len(),
-                names.join(", ")
+                match names {
+                    [] => format!(
+                        "no such columns; leave the group out, or write the {what} into the platform's file"
+                    ),
+                    names => format!("one column for each of {}, in this order", names.join(", ")),
+                }
             ),
         );
     } else if columns.is_empty() && r.has("columns") {

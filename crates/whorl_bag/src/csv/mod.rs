@@ -1,6 +1,7 @@
 //! CSV files: importing measurements, exporting recordings.
 
 mod angle;
+mod clock;
 mod error;
 mod export;
 mod flatten;

@@ -1,6 +1,6 @@
 //! The direction of a vector sensor's target in the world, from the file itself.
 
-use nalgebra::{Unit, Vector3};
+use nalgebra::{Unit, UnitQuaternion, Vector3};
 
 use super::rows::CsvRow;
 use crate::channels::Channel;
@@ -11,6 +11,8 @@ const INTERVAL_S: f64 = 1.0;
 const STILL_RATE_RAD_S: f64 = 0.05;
 /// ... and its specific force within this of its own mean length [m/s^2].
 const STILL_FORCE_M_S2: f64 = 0.5;
+/// Cosine between the specific force of a still second, in the world of the truth, and up: 25 deg apart at most \[1\].
+const UPRIGHT: f64 = 0.9;
 
 /// Gathers seconds until one is still.
 #[derive(Default)]
@@ -30,6 +32,9 @@ struct Interval {
     /// Sum of the vector measurements turned into the world by the truth.
     vector_world: Vector3<f64>,
     vectors_with_truth: u32,
+    /// Sum of the specific forces turned into the world by the truth, of those that have one.
+    force_world_m_s2: Vector3<f64>,
+    last_truth: Option<UnitQuaternion<f64>>,
     largest_rate_rad_s: f64,
     force_range_m_s2: Option<(f64, f64)>,
 }
@@ -43,6 +48,8 @@ impl Interval {
         }
         if let Some(force) = row.axes(Channel::Accelerometer) {
             self.force_m_s2 += force;
+            self.last_truth = row.q_world_body.or(self.last_truth);
+            self.force_world_m_s2 += self.last_truth.map_or(force, |q_world_body| q_world_body * force);
             self.forces += 1;
             let (low, high) = self.force_range_m_s2.unwrap_or((force.norm(), force.norm()));
             self.force_range_m_s2 = Some((low.min(force.norm()), high.max(force.norm())));
@@ -66,10 +73,15 @@ impl Interval {
             && self.force_range_m_s2.is_some_and(|(low, high)| high - low < STILL_FORCE_M_S2)
     }
 
+    /// Whether the specific force points up in the world of the truth: else this is the attitude of something else, or in another order.
+    fn truth_is_upright(&self) -> bool {
+        self.force_world_m_s2.z > UPRIGHT * self.force_m_s2.norm()
+    }
+
     /// With truth: the mean of the measurements in the world of the truth. Without: the world is the one
     /// whose y axis (north) is the horizontal part of the measured direction.
     fn reference_world(&self) -> Option<Unit<Vector3<f64>>> {
-        if self.vectors_with_truth > 0 {
+        if self.vectors_with_truth > 0 && self.truth_is_upright() {
             return Unit::try_new(self.vector_world, 1e-9);
         }
         let up_b = Unit::try_new(self.force_m_s2, 1e-9)?;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
 
 use super::angle::Rates;
+use super::clock::LineClock;
 use super::error::CsvError;
 use super::jets::{JetCommand, JetMap};
 use super::map::{ColumnMap, CsvMap};
@@ -54,6 +55,7 @@ pub(super) struct RowReader {
     table: Table,
     map: CsvMap,
     time: Clock,
+    clock: LineClock,
     channels: Vec<(Channel, Columns)>,
     angles: Vec<Rates>,
     vectors: Vec<[Column; 3]>,
@@ -73,10 +75,12 @@ enum Clock {
 
 /// The columns of one channel.
 struct Columns {
-    /// `None`: an axis that is not measured.
+    /// `None`: an axis without a column.
     columns: Vec<Option<Column>>,
     factor: f64,
     offset: f64,
+    /// Number of an axis without a column.
+    absent: f64,
 }
 
 impl RowReader {
@@ -84,7 +88,8 @@ impl RowReader {
         let table = Table::open(path, map.delimiter, map.decimal_comma)?;
         let scored = map.true_attitude.as_ref().and_then(|truth| truth.scored_column.as_ref());
         let find = |(channel, columns): (&Channel, &ColumnMap)| {
-            Ok::<_, CsvError>((*channel, Columns::find(&table, columns)?))
+            let absent = channel.info().absent_axis().unwrap_or(f64::NAN);
+            Ok::<_, CsvError>((*channel, Columns::find(&table, columns, absent)?))
         };
         Ok(Self {
             path: path.to_owned(),
@@ -94,6 +99,10 @@ impl RowReader {
                 }
                 TimeSource::Dates { column } => Clock::Dates(table.column(column)?),
                 TimeSource::Rate { hz } => Clock::Rate(0, *hz),
+            },
+            clock: match &map.time.source {
+                TimeSource::Numbers { unit_power, .. } => LineClock::counting(*unit_power),
+                _ => LineClock::default(),
             },
             channels: map.channels.iter().map(find).collect::<Result<_, _>>()?,
             angles: map.angles.iter().map(|angles| Rates::find(&table, angles)).collect::<Result<_, _>>()?,
@@ -119,12 +128,18 @@ impl RowReader {
         &mut self.table
     }
 
+    /// What was bridged in the time of the lines, in words.
+    pub fn notes(&self) -> Vec<String> {
+        self.clock.notes()
+    }
+
     /// The next line; `None` at the end.
     pub fn next_row(&mut self) -> Result<Option<CsvRow>, CsvError> {
         if !self.table.advance()? {
             return Ok(None);
         }
-        let time_ns = self.time()?;
+        let read_ns = self.time()?;
+        let time_ns = self.clock.follow(self.table.line(), read_ns);
         let table = &self.table;
         let mut numbers = BTreeMap::new();
         for (channel, columns) in &self.channels {
@@ -216,10 +231,10 @@ impl RowReader {
 }
 
 impl Columns {
-    fn find(table: &Table, map: &ColumnMap) -> Result<Self, CsvError> {
+    fn find(table: &Table, map: &ColumnMap, absent: f64) -> Result<Self, CsvError> {
         let find = |name: &String| (name != NO_COLUMN).then(|| table.column(name)).transpose();
         let columns = map.columns.iter().map(find).collect::<Result<_, _>>()?;
-        Ok(Self { columns, factor: map.factor, offset: map.offset })
+        Ok(Self { columns, factor: map.factor, offset: map.offset, absent })
     }
 
     /// All numbers of the channel, or `None` when one of them is missing.
@@ -227,7 +242,7 @@ impl Columns {
         let mut values = Vec::with_capacity(self.columns.len());
         for column in &self.columns {
             let Some(column) = column else {
-                values.push(f64::NAN);
+                values.push(self.absent);
                 continue;
             };
             // Every cell is looked at, so that a wrong one is found also beside a blank one.

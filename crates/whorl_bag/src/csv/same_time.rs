@@ -43,6 +43,24 @@ fn fill<T: Copy>(mine: &mut [Option<T>], others: &[Option<T>]) {
     }
 }
 
+/// Gives lines of one time, in the order that they came, times of their own: evenly since the time before, the last at its own. Of a
+/// first burst, whose time before is not known, they are as far apart as those of the next.
+pub(super) fn spread(rows: &mut [CsvRow], before_ns: Option<i64>, next_ns: Option<i64>) {
+    let Some(at_ns) = rows.first().map(|row| row.time_ns) else { return };
+    let count = rows.len() as i64;
+    let long_ns = match (before_ns, next_ns) {
+        (Some(before_ns), _) => at_ns.saturating_sub(before_ns),
+        (None, Some(next_ns)) => next_ns.saturating_sub(at_ns),
+        // All lines have one time: nothing says how far they are apart.
+        (None, None) => count,
+    };
+    for (place, row) in (1..).zip(rows) {
+        // In 128 bits: times of years and thousands of lines.
+        let back_ns = i128::from(long_ns) * i128::from(count - place) / i128::from(count);
+        row.time_ns = at_ns.saturating_sub(back_ns as i64);
+    }
+}
+
 /// The mean of lines of one time: of every channel and vector over the lines that have it. Of commands, attitudes and references
 /// the first counts.
 pub(super) fn mean(rows: Vec<CsvRow>) -> Option<CsvRow> {

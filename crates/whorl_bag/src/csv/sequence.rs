@@ -7,7 +7,7 @@ use super::error::CsvError;
 use super::held::{Runs, Thinning, said};
 use super::map::CsvMap;
 use super::rows::{CsvRow, RowReader};
-use super::same_time::{MOST_LINES, mean};
+use super::same_time::{MOST_LINES, mean, spread};
 use super::time::Duplicates;
 use crate::channels::{Channel, Form};
 
@@ -41,6 +41,9 @@ pub struct CsvRows {
     held: BTreeMap<Channel, (u32, Thinning)>,
     vectors: Vec<Directions>,
     averaged: u64,
+    /// Lines of one time that are still to be given.
+    burst: VecDeque<CsvRow>,
+    before_ns: Option<i64>,
     torn_line: Option<u64>,
 }
 
@@ -73,6 +76,8 @@ impl CsvRows {
             held: BTreeMap::new(),
             vectors: map.vectors.iter().map(|map| vector(map.repeats)).collect(),
             averaged: 0,
+            burst: VecDeque::new(),
+            before_ns: None,
             torn_line: None,
         })
     }
@@ -105,14 +110,18 @@ impl CsvRows {
     /// What was left out so far, in words.
     #[must_use]
     pub fn notes(&mut self) -> Vec<String> {
-        let mut notes = Vec::new();
+        let mut notes = self.rows.notes();
         let left_out = self.held.iter().filter(|(_, (_, thinning))| thinning.left_out > 0);
         for (channel, (held, thinning)) in left_out {
             notes.push(said(&format!("the {}", channel.info().key), *held, thinning.left_out));
         }
         if self.averaged > 0 {
-            let what = if self.duplicates == Duplicates::Mean { "their mean" } else { "the first" };
-            notes.push(format!("{} lines have the time of the line before: {what} counts.", self.averaged));
+            let what = match self.duplicates {
+                Duplicates::Mean => "their mean counts",
+                Duplicates::Burst => "they were spread over the time since the one before",
+                Duplicates::First | Duplicates::Refuse => "the first counts",
+            };
+            notes.push(format!("{} lines have the time of the line before: {what}.", self.averaged));
         }
         let headers = self.rows.table().headers_again();
         if headers > 0 {
@@ -183,6 +192,9 @@ impl CsvRows {
 
     /// The next time, all of its lines together.
     fn next_in_time(&mut self) -> Result<Option<CsvRow>, CsvError> {
+        if let Some(row) = self.burst.pop_front() {
+            return Ok(Some(row));
+        }
         let Some(row) = self.ahead.take().or_else(|| self.read().transpose()) else { return Ok(None) };
         let mut row = row?;
         let mut same = Vec::new();
@@ -196,7 +208,7 @@ impl CsvRows {
                         break;
                     } else {
                         self.averaged += 1;
-                        if self.duplicates == Duplicates::Mean {
+                        if matches!(self.duplicates, Duplicates::Mean | Duplicates::Burst) {
                             same.push(next);
                         }
                     }
@@ -211,10 +223,17 @@ impl CsvRows {
                 }
             }
         }
+        let before_ns = self.before_ns.replace(row.time_ns);
         if same.is_empty() {
             return Ok(Some(row));
         }
         same.insert(0, row);
+        if self.duplicates == Duplicates::Burst {
+            let next_ns = self.ahead.as_ref().and_then(|next| Some(next.as_ref().ok()?.time_ns));
+            spread(&mut same, before_ns, next_ns);
+            self.burst.extend(same);
+            return Ok(self.burst.pop_front());
+        }
         Ok(mean(same))
     }
 

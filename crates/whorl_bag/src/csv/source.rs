@@ -184,7 +184,10 @@ impl Read for Source {
             self.read = 0;
         }
         if self.given > LONGEST_RECORD {
-            let why = format!("a record is longer than {} MB: is a quote not closed?", LONGEST_RECORD >> 20);
+            let why = format!(
+                "a record, with comments and empty lines before it, is longer than {} MB: is a quote not closed?",
+                LONGEST_RECORD >> 20
+            );
             return Err(io::Error::new(io::ErrorKind::InvalidData, why));
         }
         let rest = self.ready.get(self.read..).unwrap_or_default();

@@ -4,7 +4,9 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::error::CsvError;
+use whorl_math::words::{one_line, shortened};
+
+use super::error::{CsvError, LONGEST};
 use super::source::Source;
 
 /// Stands for the column of an axis that a sensor does not have.
@@ -91,7 +93,7 @@ impl Table {
         let asked = self.asked.borrow();
         let unread =
             self.header.iter().enumerate().filter(|(index, name)| !name.is_empty() && !asked.contains(index));
-        unread.map(|(_, name)| name.to_owned()).collect()
+        unread.map(|(_, name)| shortened(name, LONGEST).into_owned()).collect()
     }
 
     pub fn columns<const N: usize>(&self, names: &[String; N]) -> Result<[Column; N], CsvError> {
@@ -167,7 +169,7 @@ impl Table {
         CsvError::NotANumber {
             path: self.path.clone(),
             line: self.line,
-            column: self.header.get(column.index).unwrap_or_default().to_owned(),
+            column: one_line(self.header.get(column.index).unwrap_or_default()).into_owned(),
             text: text.to_owned(),
             hint,
         }

@@ -58,6 +58,8 @@ pub enum Duplicates {
     First,
     /// Their mean counts.
     Mean,
+    /// They were measured one after the other since the time before: a sensor with a buffer, read now and then.
+    Burst,
 }
 
 /// Reads the group `time` of a map.
@@ -102,12 +104,14 @@ pub(super) fn read(r: &mut Reader<'_>) -> TimeMap {
     let duplicates = r.choice_or(
         "duplicates",
         "refuse",
-        &["refuse", "first", "mean"],
-        "what several lines of one time are: an error, the first, or their mean",
+        &["refuse", "first", "mean", "burst"],
+        "what several lines of one time are: an error, the first, their mean, or a burst: measured one after the other, evenly, since \
+         the time before",
     );
     let duplicates = match duplicates {
         "first" => Duplicates::First,
         "mean" => Duplicates::Mean,
+        "burst" => Duplicates::Burst,
         _ => Duplicates::Refuse,
     };
     TimeMap { source, start_ns, duplicates }

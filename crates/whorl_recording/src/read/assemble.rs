@@ -24,6 +24,7 @@ pub(super) fn recording(
     model: Option<&PlatformModel>,
     mut remarks: Vec<String>,
 ) -> Recording {
+    remarks.extend(gathered.believe_marked());
     let [no_gyro_axis, no_force_axis] = [Channel::Gyro, Channel::Accelerometer].map(|channel| {
         let Some(samples) = gathered.samples.get_mut(&(channel, 0)) else { return [false; 3] };
         let before = samples.len();
@@ -52,7 +53,18 @@ pub(super) fn recording(
         remarks.extend(clock.notes(topic, start.0));
     }
     for ((channel, _), samples) in &mut gathered.samples {
-        let doubles = samples.in_order();
+        let info = channel.info();
+        let (doubles, spread) = if info.is_motion && !info.is_held {
+            samples.in_order_or_spread()
+        } else {
+            (samples.in_order(), 0)
+        };
+        if spread > 0 {
+            remarks.push(format!(
+                "Samples of the {channel} came in bursts of one stamp: {spread} of them were spread evenly over the time since the stamp \
+                 before, in the order that they came."
+            ));
+        }
         if doubles > 0 && *channel == Channel::Gyro {
             remarks
                 .push(format!("{doubles} messages of the gyro have the stamp of another and were left out."));

@@ -21,11 +21,22 @@ use crate::error::RecordingError;
 /// Values with their stamps \[ns\], in order of arrival.
 pub(super) type Samples<T> = Vec<(i64, T)>;
 
+/// Numbers of a channel whose messages say that they were not measured.
+#[derive(Debug, Default)]
+pub(super) struct Marked {
+    pub samples: Columns,
+    messages: usize,
+    /// The topic, and the field that says so.
+    said: Option<(String, &'static str)>,
+}
+
 /// What was gathered, by measurement stamp \[ns\].
 #[derive(Debug, Default)]
 pub(super) struct Gathered {
     /// Finite numbers of every channel and sensor; of one that may lack axes at least one that is finite.
     pub samples: BTreeMap<(Channel, usize), Columns>,
+    /// Numbers that were not measured, as their messages say.
+    pub marked: BTreeMap<Channel, Marked>,
     /// Directions in the world that vector sensors see, by sensor.
     pub references: Vec<Option<Vector3<f64>>>,
     /// Torques that the wheels' drives say were in force.
@@ -150,7 +161,17 @@ impl Gathered {
                     self.wheels(channel, at, m);
                 }
                 (Role::Measured(channel, sensor), message) => {
-                    self.keep(channel, sensor, at, channel.info().carrier.read(message));
+                    let carrier = channel.info().carrier;
+                    match (carrier.marked_missing(message), carrier.read_marked(message)) {
+                        (None, numbers) => self.keep(channel, sensor, at, numbers),
+                        (Some(field), Some(numbers)) => {
+                            let marked = self.marked.entry(channel).or_default();
+                            marked.samples.push_finite(at, &numbers);
+                            marked.messages += 1;
+                            marked.said = Some((recorded.topic.name.clone(), field));
+                        }
+                        (Some(_), None) => {}
+                    }
                 }
                 (Role::VectorReference(n), Message::Vector3Stamped(m)) => {
                     if self.references.len() <= n {
@@ -244,7 +265,8 @@ impl Gathered {
         for (topic, clock) in &self.topic_clocks {
             let one_sensor =
                 roles.get(topic).is_some_and(|(_, roles)| roles.iter().any(|role| role.is_one_sensor()));
-            if let Some(reason) = clock.several_publishers().filter(|_| one_sensor) {
+            let reason = clock.several_publishers().or_else(|| self.alternates(roles.get(topic)));
+            if let Some(reason) = reason.filter(|_| one_sensor) {
                 let (path, topic) = (path.to_owned(), topic.clone());
                 return Err(RecordingError::SeveralPublishers { path, topic, reason });
             }
@@ -252,10 +274,52 @@ impl Gathered {
         Ok(())
     }
 
+    /// What shows in the numbers of a topic of one sensor that two sensors send it.
+    fn alternates(&self, roles: Option<&(String, Vec<Role>)>) -> Option<String> {
+        let (_, roles) = roles?;
+        roles.iter().find_map(|role| match role {
+            Role::Measured(channel, sensor) if channel.info().is_motion => {
+                let samples = self.samples.get(&(*channel, *sensor))?;
+                let [one, other] = samples.two_senders()?;
+                let shown = |v: &[f64]| v.iter().map(|x| format!("{x:.3}")).collect::<Vec<_>>().join(", ");
+                Some(format!(
+                    "the {channel} goes to and fro between two readings, such as [{}] and [{}], sample by sample: two sensors send it, and \
+                     nothing in the messages tells them apart; record the topic of one",
+                    shown(&one), shown(&other)
+                ))
+            }
+            _ => None,
+        })
+    }
+
+    /// Takes numbers that were not measured, as their messages say, for measured where no message of the channel says otherwise and they
+    /// move: many drivers write -1 for a covariance that they do not know. Numbers that never move are none. Says what was done.
+    pub fn believe_marked(&mut self) -> Vec<String> {
+        let mut remarks = Vec::new();
+        for (channel, marked) in std::mem::take(&mut self.marked) {
+            let Some((topic, field)) = marked.said else { continue };
+            let moves = marked.samples.pairs().any(|((_, before), (_, after))| before != after);
+            let has_others = self.samples.get(&(channel, 0)).is_some_and(|samples| !samples.is_empty());
+            let says = format!(
+                "{} messages of {topic} say by {field}[0] = -1 that the {channel} was not measured (sensor_msgs/Imu)",
+                marked.messages
+            );
+            if moves && !has_others {
+                remarks.push(format!("{says}, and yet its numbers move: they were used."));
+                self.samples.insert((channel, 0), marked.samples);
+            } else {
+                let why = if has_others { "others do not" } else { "its numbers never move" };
+                remarks.push(format!("{says}, and {why}: they were left out."));
+            }
+        }
+        remarks
+    }
+
     /// Keeps of the samples so far only how early they were.
     pub fn forget(&mut self) {
         self.earliest_ns = self.first_stamp().map(|stamp| stamp.0);
         self.samples.clear();
+        self.marked.clear();
         self.wheel_effort = Columns::default();
         self.thrusters.clear();
         self.commands = Commands::default();
@@ -263,7 +327,8 @@ impl Gathered {
 
     /// The earliest stamp of all.
     pub fn first_stamp(&self) -> Option<Timestamp> {
-        let samples = self.samples.values().chain([&self.wheel_effort]);
+        let marked = self.marked.values().map(|marked| &marked.samples);
+        let samples = self.samples.values().chain(marked).chain([&self.wheel_effort]);
         let samples = samples.flat_map(|columns| columns.times_ns().iter().copied());
         let valves = self.thrusters.iter().map(|sample| sample.0);
         samples.chain(valves).chain(self.earliest_ns).min().map(Timestamp)

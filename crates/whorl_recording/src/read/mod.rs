@@ -152,6 +152,7 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
                     path: path.to_owned(),
                     platform: platform.clone(),
                     messages: motion_messages,
+                    said: recording.remarks.join(" "),
                 });
             }
             Ok(recording)

@@ -185,7 +185,8 @@ fn wrong_files_and_maps_are_refused_with_file_line_and_what_is_allowed() {
             MAP.to_owned(),
             csv.replace("\n5060,", "\n5050,"),
             "a.csv:8: column `ms`: time 5.05 s does not come after 5.05 s; where several lines have one time, \
-         `duplicates: mean` or `first` of the map's time says which counts",
+         `duplicates` of the map's time says which counts: first, mean, or burst: \
+         measured one after the other since the time before",
         ),
         (
             MAP.to_owned(),
@@ -200,8 +201,8 @@ fn wrong_files_and_maps_are_refused_with_file_line_and_what_is_allowed() {
         ),
         (
             "    time: {column: ms, unit: s}\n    gyro: {columns: [gx, gy, gz]}\n    jets: {columns: [j1, j2, j3, j4, j5, j6, j7, j8, j9, j10, j11, j12], quantity: on_time, unit: ms, slot_length_s: 0.1}\n".to_owned(),
-            csv.replace("\n5290,", "\n3000000000,"),
-            "a.csv: from the first to the last line it is 2999995000 s: is the time column's unit right?",
+            csv.replace("\n5290,", "\n20000000,"),
+            "a.csv: from the first to the last line it is 19995000 s: is the time column's unit right?",
         ),
         (
             MAP.replace(", reference_world: [0, 0.6, -0.8]", ""),

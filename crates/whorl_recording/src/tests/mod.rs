@@ -4,6 +4,7 @@ mod bad_messages;
 mod bad_runs;
 mod contradictions;
 mod csv;
+mod damages;
 mod foreign_bags;
 mod memory;
 mod robot_bags;

@@ -239,7 +239,12 @@ fn no_error_has_an_empty_blank_in_it() {
         RecordingError::NoMeasurements { path: path(), present: text() },
         RecordingError::NoSuchJoint { path: path(), joint: "a".into(), present: text() },
         RecordingError::NoSuchPlatform { path: path(), platform: "a".into(), present: text() },
-        RecordingError::NothingFinite { path: path(), platform: "a".into(), messages: 0 },
+        RecordingError::NothingFinite {
+            path: path(),
+            platform: "a".into(),
+            messages: 0,
+            said: String::new(),
+        },
         RecordingError::NothingInCsv { path: path(), rows: 0 },
         RecordingError::TooLong { path: path(), length_s: 0.0 },
         RecordingError::NoReferenceWorld { path: path(), sensor: 1 },
