@@ -4,9 +4,10 @@ use std::io::{BufRead as _, IsTerminal as _};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use clap::builder::PossibleValuesParser;
 use serde_json::json;
 use whorl_commands::new_rig::questions::{Ask, Nobody};
-use whorl_commands::new_rig::{NewRig, new_rig};
+use whorl_commands::new_rig::{NewRig, Preset, new_rig};
 
 use crate::output::{self, JsonArgument, ask, say};
 
@@ -17,6 +18,10 @@ pub struct Arguments {
     /// Folder that gets the platform's file and the map of channels.
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     out: PathBuf,
+    /// Kind of rig: table (on an air bearing or a ball), hinge (a pendulum, a turntable), wheel_bench (wheels in a stand), free (a
+    /// spacecraft, a drone) [default: what the file looks like].
+    #[arg(long, value_name = "KIND", value_parser = PossibleValuesParser::new(Preset::ALL.map(|(word, _)| word)))]
+    rig: Option<String>,
     /// Asks nothing: what the file does not show is marked `assumed` [default: asks where there is a terminal].
     #[arg(long)]
     no_questions: bool,
@@ -26,11 +31,13 @@ pub struct Arguments {
 
 /// Carries out `whorl new`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let preset = Preset::ALL.iter().find(|(word, _)| arguments.rig.as_deref() == Some(*word));
+    let preset = preset.map(|(_, preset)| *preset);
     let somebody = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
     let made = if somebody && !arguments.no_questions {
-        new_rig(&arguments.file, &arguments.out, &mut Terminal)?
+        new_rig(&arguments.file, &arguments.out, preset, &mut Terminal)?
     } else {
-        new_rig(&arguments.file, &arguments.out, &mut Nobody)?
+        new_rig(&arguments.file, &arguments.out, preset, &mut Nobody)?
     };
     tell(&made, &arguments.file);
     arguments.json.write(|| Ok(as_json(&made)))
@@ -42,6 +49,10 @@ fn tell(made: &NewRig, file: &Path) {
     }
     if !made.ignored.is_empty() {
         say!("not used: {}", made.ignored.join(", "));
+        say!(
+            "  What are they? On a terminal `whorl new` asks; a column's name says it as well: gyro_x_deg_s, wheel_speed_1_rpm, \
+             wheel_torque_command_1_mn_m."
+        );
     }
     for note in &made.notes {
         say!("note: {note}");

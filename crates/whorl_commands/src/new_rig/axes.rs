@@ -2,25 +2,88 @@
 
 use nalgebra::Vector3;
 use whorl_bag::Channel;
+use whorl_dynamics::PlatformModel;
 use whorl_free_motion::{AxisCheck, Contradiction};
+use whorl_math::statistics::median;
 use whorl_recording::{Recording, Series};
 
 use super::channels::MapDraft;
-use super::lines::{Origin, Sourced};
+use super::lines::{Origin, Sourced, number};
 
 /// Turns this alike are of one motion \[1\].
 const ALIKE: f64 = 0.8;
+/// Wheels of such rigs: of a gram in a watch, and of ten kilograms [kg m^2].
+const WHEELS_KG_M2: std::ops::RangeInclusive<f64> = 1e-8..=0.5;
 /// A unit fits if the turns are then equal within this factor \[1\].
 const WITHIN: f64 = 1.5;
 
 /// Corrects the unit of the gyro, and signs of accelerometer and vector sensors, where their turns show them; whether anything
 /// was changed.
-pub fn correct(draft: &mut MapDraft, recording: &Recording) -> bool {
+pub fn correct(draft: &mut MapDraft, recording: &Recording, model: &PlatformModel) -> bool {
     if draft.is_bag {
         return false;
     }
     let scale = unit(draft, recording).unwrap_or(1.0);
-    signs(draft, recording, scale) || scale != 1.0
+    let signs = signs(draft, recording, scale) || scale != 1.0;
+    torques(draft, recording, model) || signs
+}
+
+/// Compares the torques that were commanded to wheels with what they do to the speeds: reverses columns of wheels that slow down when
+/// they are told to speed up, and takes another unit of torque where the wheels would be heavier or lighter than wheels are, unless the
+/// name says the unit; whether anything was changed.
+fn torques(draft: &mut MapDraft, recording: &Recording, model: &PlatformModel) -> bool {
+    let responses = recording.wheel_responses(model);
+    let seen = responses.iter().zip(model.wheels()).filter_map(|(response, wheel)| {
+        let (ratio, correlation) = (*response)?;
+        (correlation.abs() > ALIKE && ratio != 0.0).then(|| wheel.spin_inertia_kg_m2 / ratio.abs())
+    });
+    let inertia_kg_m2 = median(seen);
+    if !(inertia_kg_m2 > 0.0 && inertia_kg_m2.is_finite()) {
+        return false;
+    }
+    let Some(entry) = draft.entry_mut(Channel::WheelTorqueCommand) else { return false };
+    let mut reversed = Vec::new();
+    for (column, response) in entry.columns.iter_mut().zip(&responses) {
+        if response.is_some_and(|(_, correlation)| correlation < -ALIKE) {
+            reversed.push(column.clone());
+            *column = match column.strip_prefix('-') {
+                Some(bare) => bare.to_owned(),
+                None => format!("-{column}"),
+            };
+        }
+    }
+    if !reversed.is_empty() {
+        let words =
+            format!("the speed falls where {} rises, so its sign is reversed", reversed.join(" and "));
+        entry.of = Sourced::new((), Origin::Measured, words);
+    }
+    let Some(unit) = entry.unit.as_mut() else { return !reversed.is_empty() };
+    let known = Channel::WheelTorqueCommand.info().units;
+    let Some(now) = known.iter().find(|known| known.name == unit.value) else { return !reversed.is_empty() };
+    if WHEELS_KG_M2.contains(&inertia_kg_m2) {
+        return !reversed.is_empty();
+    }
+    let inertia_in = |factor: f64| inertia_kg_m2 * factor / now.factor;
+    let says =
+        |name: &str, inertia: f64| format!("in {name} the wheel would have {} kg m^2", number(inertia));
+    let wrong = says(now.name, inertia_kg_m2);
+    let better = known.iter().find(|known| WHEELS_KG_M2.contains(&inertia_in(known.factor)));
+    match better.filter(|_| unit.origin == Origin::Assumed) {
+        Some(better) => {
+            *unit = Sourced::new(better.name.to_owned(), Origin::Assumed, format!("{wrong}; check it"));
+            true
+        }
+        None => {
+            let note = format!(
+                "By what {} does to the speed, {wrong}: is the unit right?",
+                entry.columns.join(", ")
+            );
+            if !draft.notes.contains(&note) {
+                draft.notes.push(note);
+            }
+            !reversed.is_empty()
+        }
+    }
 }
 
 fn ratio(recording: &Recording) -> Option<f64> {

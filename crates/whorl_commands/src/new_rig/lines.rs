@@ -122,7 +122,8 @@ pub fn quoted(name: &str) -> String {
     if plain && !reserved.contains(&bare.to_lowercase().as_str()) {
         return name.to_owned();
     }
-    format!("\"{}\"", name.replace('\\', "\\\\").replace('"', "\\\""))
+    // What JSON writes for a text, YAML reads: ends of lines and all.
+    serde_json::Value::from(name).to_string()
 }
 
 /// A number as parameter files have floating-point numbers, to three digits.

@@ -6,6 +6,8 @@
 
 mod axes;
 mod channels;
+#[cfg(test)]
+mod foreign_tests;
 pub mod lines;
 mod measure;
 mod names;
@@ -22,6 +24,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use whorl_bag::{Channel, CsvMap, Form, NO_COLUMN, RunDirectory};
+use whorl_math::words::shortened;
 use whorl_recording::{
     KnownPlatform, ReadOptions, Recording, platform_parts, read_csv_beginning, read_model, read_run_with,
 };
@@ -39,6 +42,46 @@ const LOOKED_AT: usize = 330_000;
 const CORRECTIONS: usize = 3;
 /// A vector sensor that sees within 6 deg of the vertical adds nothing to an accelerometer \[1\].
 const VERTICAL: f64 = 0.995;
+
+/// Column names in a message: their characters.
+const LONGEST_LIST: usize = 2_000;
+const LONGEST_NAME: usize = 60;
+
+/// A kind of rig, where somebody says which.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Preset {
+    /// A platform on an air bearing or a ball, with weight.
+    Table,
+    /// A body that turns about one axis: a pendulum, a turntable.
+    Hinge,
+    /// Wheels in a stand that does not turn.
+    WheelBench,
+    /// Nothing holds it: a spacecraft, a drone.
+    Free,
+}
+
+impl Preset {
+    /// All of them, by the word that people write.
+    pub const ALL: [(&str, Self); 4] = [
+        ("table", Self::Table),
+        ("hinge", Self::Hinge),
+        ("wheel_bench", Self::WheelBench),
+        ("free", Self::Free),
+    ];
+
+    /// The kind of motion in the platform's file.
+    fn freedom(self) -> &'static str {
+        match self {
+            Self::Table => "on_bearing",
+            Self::Hinge => "hinge",
+            Self::WheelBench => "clamped",
+            Self::Free => "free",
+        }
+    }
+}
+
+/// Up in body axes of a rig that lies on its face, its third component \[1\].
+const UPSIDE_DOWN: f64 = -0.9;
 
 /// What was written.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,12 +112,13 @@ impl NewRig {
     }
 }
 
-/// Writes the platform's file and the map of a CSV file or a bag into a folder.
+/// Writes the platform's file and the map of a CSV file or a bag into a folder. `preset` is the kind of rig; `None`: what the file looks
+/// like.
 ///
 /// # Errors
 /// When the file cannot be read, measures nothing that moves, or the files are there already; nothing is left behind then.
-pub fn new_rig(file: &Path, out: &Path, ask: &mut dyn Ask) -> anyhow::Result<NewRig> {
-    let (mut draft, wheels) = draft(file)?;
+pub fn new_rig(file: &Path, out: &Path, preset: Option<Preset>, ask: &mut dyn Ask) -> anyhow::Result<NewRig> {
+    let (mut draft, wheels) = draft(file, preset, ask)?;
     let platform = questions::name(ask, "Name of the rig", plain_name(file));
     let (rig, map) = (out.join(format!("{platform}.yaml")), out.join(format!("{platform}.channels.yaml")));
     for there in [&rig, &map] {
@@ -83,7 +127,14 @@ pub fn new_rig(file: &Path, out: &Path, ask: &mut dyn Ask) -> anyhow::Result<New
         }
     }
     std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
-    let written = complete(file, &mut draft, wheels, &platform, (&rig, &map), ask);
+    let written = complete(
+        file,
+        &mut draft,
+        Parts { wheels, preset, ..Parts::default() },
+        &platform,
+        (&rig, &map),
+        ask,
+    );
     if written.is_err() {
         // Drafts are of no use to anybody; an error to remove them would hide why.
         let _ = (std::fs::remove_file(&rig), std::fs::remove_file(&map));
@@ -91,11 +142,11 @@ pub fn new_rig(file: &Path, out: &Path, ask: &mut dyn Ask) -> anyhow::Result<New
     written
 }
 
-fn draft(file: &Path) -> anyhow::Result<(MapDraft, Vec<String>)> {
+fn draft(file: &Path, preset: Option<Preset>, ask: &mut dyn Ask) -> anyhow::Result<(MapDraft, Vec<String>)> {
     if !file.exists() {
         bail!("{}: there is no such file", file.display());
     }
-    if file.is_dir() || file.extension().is_some_and(|end| end.eq_ignore_ascii_case("mcap")) {
+    if whorl_bag::is_bag(file) {
         let run = RunDirectory::open(file)?;
         if !run.parameter_files().is_empty() {
             bail!(
@@ -107,15 +158,35 @@ fn draft(file: &Path) -> anyhow::Result<(MapDraft, Vec<String>)> {
         return topics::draft(&run.bag()?).with_context(|| file.display().to_string());
     }
     let look = whorl_bag::look(file, LOOKED_AT)?;
-    let draft = table::draft(&look).with_context(|| file.display().to_string())?;
+    let mut called = table::Called::new();
+    let drafted = |called: &table::Called| {
+        table::draft(&look, called, preset).with_context(|| file.display().to_string())
+    };
+    let mut draft = drafted(&called)?;
+    questions::columns(ask, &look, &draft.ignored, &mut called);
+    if !called.is_empty() {
+        draft = drafted(&called)?;
+    }
     if !draft.entries.iter().any(|entry| entry.channel.info().is_motion) {
         let names: Vec<&str> = look.columns.iter().map(|column| column.name.as_str()).collect();
-        bail!(
-            "{}: no column is known as a gyro's, an accelerometer's or a wheel's speed; there are: {}. Names that are known are gx, \
-             gyro_x, ax, acc_x, wheel_speed_1 and many like these; docs/recordings.md shows how to write a map by hand",
-            file.display(),
-            names.join(", ")
-        );
+        let is_motion = |column: &&whorl_bag::LookedColumn| matches!(names::named(&column.name).meaning, Some(names::Meaning::Channel(c)) if c.info().is_motion);
+        let known: Vec<&str> =
+            look.columns.iter().filter(is_motion).map(|column| column.name.as_str()).collect();
+        let why = if known.is_empty() {
+            let there = names.join(", ");
+            format!(
+                "no column is known as a gyro's, an accelerometer's or a wheel's speed; there are: {}. Names that are known are gx, \
+                 gyro_x, ax, acc_x, wheel_speed_1 and many like these; docs/recordings.md shows how to write a map by hand",
+                shortened(&there, LONGEST_LIST)
+            )
+        } else {
+            let known = known.join(", ");
+            format!(
+                "{} never change, or hold no numbers: nothing was measured",
+                shortened(&known, LONGEST_LIST)
+            )
+        };
+        bail!("{}: {why}", file.display());
     }
     let wheels = draft.entries.iter().find(|entry| matches!(entry.channel.info().form, Form::Wheels { .. }));
     let count = wheels.map_or(0, |entry| entry.columns.len());
@@ -126,12 +197,11 @@ fn draft(file: &Path) -> anyhow::Result<(MapDraft, Vec<String>)> {
 fn complete(
     file: &Path,
     draft: &mut MapDraft,
-    wheels: Vec<String>,
+    mut parts: Parts,
     platform: &str,
     (rig, map): (&Path, &Path),
     ask: &mut dyn Ask,
 ) -> anyhow::Result<NewRig> {
-    let mut parts = Parts { wheels, ..Parts::default() };
     parts_of(draft, &mut parts);
     let first = rig::lines(platform, &parts, &Measured::not_yet(), &mut questions::Nobody).text(&[]);
     let reading = |draft: &MapDraft| -> anyhow::Result<(Recording, KnownPlatform)> {
@@ -143,7 +213,7 @@ fn complete(
     let (mut recording, mut known) = reading(draft)?;
     // Signs may show only with the right unit, and the unit only with the right signs.
     for _ in 0..CORRECTIONS {
-        if !axes::correct(draft, &recording) {
+        if !axes::correct(draft, &recording, &known.model) {
             break;
         }
         (recording, known) = reading(draft)?;
@@ -170,6 +240,13 @@ fn complete(
     let refused = recording.contradictions(Some(&known.model));
     notes.extend(recording.remarks.iter().filter(|remark| !refused.contains(remark)).cloned());
     notes.extend(recording.gaps());
+    if seen.up_b.is_some_and(|up_b| up_b.z < UPSIDE_DOWN) {
+        notes.push(
+            "The accelerometer reads -1 g on z at rest: the rig lies on its face, or all three signs are reversed. A sensor that stands \
+             upright reads +1 g there (specific force); -ax, -ay, -az in the map reverse them."
+                .to_owned(),
+        );
+    }
     if seen.rest_s > 0.0 {
         notes.push(format!("The rig rests for {} s in all.", lines::number(seen.rest_s)));
     }
@@ -179,7 +256,7 @@ fn complete(
         rig: rig.to_owned(),
         map: map.to_owned(),
         samples: samples.collect(),
-        ignored: draft.ignored.clone(),
+        ignored: draft.ignored.iter().map(|name| shortened(name, LONGEST_NAME).into_owned()).collect(),
         refused,
         notes,
         lines: map_lines.0.into_iter().chain(rig_lines.0).collect(),
@@ -187,7 +264,7 @@ fn complete(
 }
 
 fn recording_of(file: &Path, map: &Path, known: &KnownPlatform) -> anyhow::Result<Recording> {
-    if file.is_dir() || file.extension().is_some_and(|end| end.eq_ignore_ascii_case("mcap")) {
+    if whorl_bag::is_bag(file) {
         let options =
             ReadOptions { platform: Some(&known.platform), model: Some(&known.model), channels: Some(map) };
         return read_run_with(file, &options)?.into_iter().next().context("nothing was measured");
@@ -218,6 +295,8 @@ fn parts_of(draft: &MapDraft, parts: &mut Parts) {
     parts.vectors = draft.entries.iter().filter(|entry| entry.channel == Channel::Vector).count();
     parts.tachometer = draft.entry(Channel::WheelSpeed).is_some();
     parts.bus = draft.entry(Channel::BusVoltage).is_some();
+    let torque = draft.entry(Channel::WheelTorqueCommand).and_then(|entry| entry.unit.as_ref());
+    parts.torque_unit_is_assumed = torque.is_some_and(|unit| unit.origin == Origin::Assumed);
     let of_wheels =
         draft.entries.iter().find(|entry| matches!(entry.channel.info().form, Form::Wheels { .. }));
     parts.wheels_are_axes = of_wheels.is_some_and(|entry| {

@@ -37,11 +37,15 @@ pub enum Meaning {
     Count,
     /// What an encoder counts: of a hinge, where there is nothing else.
     Angle,
+    /// How fast something turns: a hinge, where there is nothing else, or a wheel.
+    Turning,
+    /// What a name says is left out on purpose: it holds no sensor's own reading.
+    Derived,
     /// A channel of maps.
     Channel(Channel),
 }
 
-use Meaning::{Angle, Channel as Is, Count, Time};
+use Meaning::{Angle, Channel as Is, Count, Derived, Time, Turning};
 
 /// Whole stems, and what they are. One or two letters are what people write who have few columns.
 const STEMS: &[(&str, Meaning)] = &[
@@ -68,6 +72,9 @@ const STEMS: &[(&str, Meaning)] = &[
     ("phi", Angle),
     ("enc", Angle),
     ("encoder", Angle),
+    ("velocity", Turning),
+    ("vel", Turning),
+    ("speed", Turning),
     ("pos", Angle),
     ("position", Angle),
     ("counts", Angle),
@@ -86,6 +93,17 @@ const STEMS: &[(&str, Meaning)] = &[
     ("acc", Is(Channel::Accelerometer)),
     ("accel", Is(Channel::Accelerometer)),
     ("accelerometer", Is(Channel::Accelerometer)),
+    ("accelerometeracceleration", Is(Channel::Accelerometer)),
+    ("totalacceleration", Is(Channel::Accelerometer)),
+    // Phones take gravity out of these, or leave nothing but gravity.
+    ("useracceleration", Derived),
+    ("motionuseracceleration", Derived),
+    ("motiongravity", Derived),
+    ("gravity", Derived),
+    ("timestampsincereboot", Time),
+    ("loggingtime", Time),
+    ("secondselapsed", Time),
+    ("accelerometertimestamprelative", Derived),
     ("acceleration", Is(Channel::Accelerometer)),
     ("linearacceleration", Is(Channel::Accelerometer)),
     ("linacc", Is(Channel::Accelerometer)),
@@ -103,6 +121,10 @@ const STEMS: &[(&str, Meaning)] = &[
     ("star", Is(Channel::Vector)),
     ("vector", Is(Channel::Vector)),
     ("direction", Is(Channel::Vector)),
+    ("rotation", Is(Channel::Gyro)),
+    ("rotationrate", Is(Channel::Gyro)),
+    ("gyrorotation", Is(Channel::Gyro)),
+    ("angularspeed", Is(Channel::Gyro)),
     ("n", Is(Channel::WheelSpeed)),
     ("rpm", Is(Channel::WheelSpeed)),
     ("wheel", Is(Channel::WheelSpeed)),
@@ -111,6 +133,13 @@ const STEMS: &[(&str, Meaning)] = &[
     ("rwspeed", Is(Channel::WheelSpeed)),
     ("motorspeed", Is(Channel::WheelSpeed)),
     ("tacho", Is(Channel::WheelSpeed)),
+    ("rwn", Is(Channel::WheelSpeed)),
+    ("motorn", Is(Channel::WheelSpeed)),
+    ("wheelvelocity", Is(Channel::WheelSpeed)),
+    ("rwvelocity", Is(Channel::WheelSpeed)),
+    ("motorvelocity", Is(Channel::WheelSpeed)),
+    ("rwtorque", Is(Channel::WheelTorqueCommand)),
+    ("motortorque", Is(Channel::WheelTorqueCommand)),
     ("u", Is(Channel::WheelTorqueCommand)),
     ("torque", Is(Channel::WheelTorqueCommand)),
     ("tau", Is(Channel::WheelTorqueCommand)),
@@ -149,6 +178,15 @@ const STEMS: &[(&str, Meaning)] = &[
     ("thruster", Is(Channel::Jets)),
 ];
 
+/// Words of names that say that something was commanded.
+const COMMANDS: [&str; 7] = ["cmd", "command", "commanded", "setpoint", "ref", "target", "desired"];
+
+/// Whether a column's name says that it holds what was commanded.
+#[must_use]
+pub fn is_commanded(column: &str) -> bool {
+    words(&apart(column).to_lowercase()).iter().any(|word| COMMANDS.contains(&word.as_str()))
+}
+
 /// Units in names, as people write them, and as maps do.
 const UNITS: &[(&str, &str)] = &[
     ("rad/s", "rad/s"),
@@ -175,6 +213,12 @@ const UNITS: &[(&str, &str)] = &[
     ("mg", "mg"),
     ("g", "g"),
     ("rpm", "rpm"),
+    ("1/min", "rpm"),
+    ("min-1", "rpm"),
+    ("min^-1", "rpm"),
+    ("u/min", "rpm"),
+    ("rev/min", "rpm"),
+    ("r/min", "rpm"),
     ("rev/s", "rev/s"),
     ("nm", "N m"),
     ("n m", "N m"),
@@ -197,6 +241,12 @@ const UNITS: &[(&str, &str)] = &[
     ("c", "degC"),
     ("degf", "degF"),
     ("k", "K"),
+    ("ut", "uT"),
+    ("µt", "uT"),
+    ("nt", "nT"),
+    ("mt", "mT"),
+    ("ga", "gauss"),
+    ("gauss", "gauss"),
     ("rad", "rad"),
     ("deg", "deg"),
     ("°", "deg"),
@@ -216,13 +266,16 @@ const UNITS: &[(&str, &str)] = &[
 /// Reads a column's name. A group in front (`imu.`, `/imu/data/`) is part of the stem only where the last part says nothing.
 #[must_use]
 pub fn named(column: &str) -> Named {
-    let lower = column.to_lowercase();
-    let (bare, mut unit) = bracketed(&lower);
-    let mut words = words(&bare);
+    let (bare, mut unit) = bracketed(column);
+    let mut words = words(&apart(&bare).to_lowercase());
     if unit.is_none() {
         unit = taken_unit(&mut words);
     }
-    let axis = taken_axis(&mut words);
+    let axis = taken_axis(&mut words).or_else(|| taken_number(&mut words));
+    // `gyro_rad[0]` has its unit in the middle.
+    if unit.is_none() && axis.is_some() {
+        unit = taken_unit(&mut words);
+    }
     // Words from the last on: `imu angular velocity` is an angular velocity.
     let known = |from: usize| {
         let joined = words.get(from..).unwrap_or_default().concat();
@@ -232,7 +285,22 @@ pub fn named(column: &str) -> Named {
         let first = words.first().map(String::as_str).unwrap_or_default();
         STEMS.iter().find(|(stem, _)| *stem == first && stem.len() > 2).map(|(_, meaning)| *meaning)
     };
-    let meaning = (0..words.len()).find_map(known).or_else(from_front);
+    // What is commanded in a unit of torque is a torque; other commands may be anything.
+    let is_torque = || {
+        let is_command = words.iter().any(|word| COMMANDS.contains(&word.as_str()));
+        let units = Channel::WheelTorqueCommand.info().units;
+        let has_unit = unit.is_some_and(|unit| units.iter().any(|known| known.name == unit));
+        (is_command && has_unit).then_some(Is(Channel::WheelTorqueCommand))
+    };
+    let meaning = (0..words.len()).find_map(known).or_else(from_front).or_else(is_torque);
+    // A gyro in rad measures rad/s.
+    if meaning == Some(Is(Channel::Gyro)) {
+        unit = unit.map(|unit| match unit {
+            "rad" => "rad/s",
+            "deg" => "deg/s",
+            other => other,
+        });
+    }
     let meaning = meaning.and_then(|meaning| in_unit(meaning, unit));
     Named { column: column.to_owned(), stem: words.join(" "), axis, unit, meaning }
 }
@@ -251,13 +319,27 @@ fn in_unit(meaning: Meaning, unit: Option<&str>) -> Option<Meaning> {
     Channel::ALL.iter().find(is_like).map(|other| Is(*other))
 }
 
+/// Words that are written together, apart: `gyroRotationX` is `gyro Rotation X`. One letter alone is no word: `mNm`.
+fn apart(name: &str) -> String {
+    let mut apart = String::with_capacity(name.len() + 8);
+    let mut small = 0;
+    for c in name.chars() {
+        if c.is_uppercase() && small > 1 {
+            apart.push(' ');
+        }
+        apart.push(c);
+        small = if c.is_lowercase() { small + 1 } else { 0 };
+    }
+    apart
+}
+
 /// Unit in brackets, and the name without it.
 fn bracketed(name: &str) -> (String, Option<&'static str>) {
     for (open, close) in [('(', ')'), ('[', ']')] {
         if let (Some(from), Some(to)) = (name.find(open), name.rfind(close))
             && from < to
         {
-            let inner = name.get(from + 1..to).unwrap_or_default().trim();
+            let inner = name.get(from + 1..to).unwrap_or_default().trim().to_lowercase();
             if let Some((_, unit)) = UNITS.iter().find(|(written, _)| *written == inner) {
                 let rest = [name.get(..from), name.get(to + 1..)];
                 return (rest.into_iter().flatten().collect::<Vec<_>>().join(" "), Some(unit));
@@ -290,6 +372,18 @@ fn taken_unit(words: &mut Vec<String>) -> Option<&'static str> {
     None
 }
 
+/// The number of a wheel or jet at the end of its name, before other words: `RW1 n`.
+fn taken_number(words: &mut [String]) -> Option<Axis> {
+    let numbered = ["rw", "wheel", "motor", "jet", "thruster", "valve"];
+    words.iter_mut().find_map(|word| {
+        let stem = word.trim_end_matches(|c: char| c.is_ascii_digit());
+        let number = word.get(stem.len()..)?.parse().ok().filter(|n| *n < 100)?;
+        let stem = numbered.contains(&stem).then(|| stem.to_owned())?;
+        *word = stem;
+        Some(Axis::Number(number))
+    })
+}
+
 /// The axis: a word of its own, or the last letter or number of the last word.
 fn taken_axis(words: &mut Vec<String>) -> Option<Axis> {
     let letter = |word: &str| match word {
@@ -314,7 +408,10 @@ fn taken_axis(words: &mut Vec<String>) -> Option<Axis> {
     let axis = letter(end)?;
     // `max`, `index` and `raw` end in such a letter and are words; `w` alone is a rate.
     if stem.is_empty()
-        || matches!(last.as_str(), "max" | "index" | "raw" | "aux" | "new" | "day" | "delay" | "battery")
+        || matches!(
+            last.as_str(),
+            "max" | "index" | "raw" | "aux" | "new" | "day" | "delay" | "battery" | "velocity" | "gravity"
+        )
     {
         return None;
     }
@@ -367,6 +464,22 @@ mod tests {
             ("theta_deg", Some(Angle), None, Some("deg")),
             ("sample", Some(Count), None, None),
             ("mode", None, None, None),
+            // SensorLog, Sensor Logger, px4 ulog, a laboratory's own.
+            ("gyroRotationX(rad/s)", gyro, Some(Axis::Body(0)), Some("rad/s")),
+            ("motionRotationRateZ(rad/s)", gyro, Some(Axis::Body(2)), Some("rad/s")),
+            ("accelerometerAccelerationY(G)", force, Some(Axis::Body(1)), Some("g")),
+            ("motionUserAccelerationX(G)", Some(Derived), Some(Axis::Body(0)), Some("g")),
+            ("magnetometerX(µT)", Some(Is(Channel::Vector)), Some(Axis::Body(0)), Some("uT")),
+            ("mx_ut", Some(Is(Channel::Vector)), Some(Axis::Body(0)), Some("uT")),
+            ("seconds_elapsed", Some(Time), None, None),
+            ("gyro_rad[0]", gyro, Some(Axis::Number(0)), Some("rad/s")),
+            ("accelerometer_m_s2[2]", force, Some(Axis::Number(2)), Some("m/s^2")),
+            ("magnetometer_ga[1]", Some(Is(Channel::Vector)), Some(Axis::Number(1)), Some("gauss")),
+            ("RW1 n (1/min)", Some(Is(Channel::WheelSpeed)), Some(Axis::Number(1)), Some("rpm")),
+            ("RW1 cmd (mNm)", Some(Is(Channel::WheelTorqueCommand)), Some(Axis::Number(1)), Some("mN m")),
+            ("wheel2_torque", Some(Is(Channel::WheelTorqueCommand)), Some(Axis::Number(2)), None),
+            ("velocity", Some(Turning), None, None),
+            ("torque_command_n_m", Some(Is(Channel::WheelTorqueCommand)), None, Some("N m")),
             ("wheel_x_rad_s", Some(Is(Channel::WheelSpeed)), Some(Axis::Body(0)), Some("rad/s")),
             ("wheel_x_n_m", Some(Is(Channel::WheelTorqueCommand)), Some(Axis::Body(0)), Some("N m")),
             ("rw_2_a", Some(Is(Channel::WheelCurrent)), Some(Axis::Number(2)), Some("A")),

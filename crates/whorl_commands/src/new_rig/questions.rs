@@ -3,7 +3,12 @@
 use nalgebra::{Matrix3, Vector3};
 use whorl_dynamics::MassProperties;
 
+use whorl_bag::CsvLook;
+use whorl_math::words::shortened;
+
 use super::lines::{Origin, Sourced};
+use super::names::{Meaning, named};
+use super::table::Called;
 
 /// Somebody who may be asked.
 pub trait Ask {
@@ -75,6 +80,34 @@ pub fn name(ask: &mut dyn Ask, question: &str, suggested: String) -> String {
         is_name.then(|| answer.to_owned()).ok_or_else(|| "a letter, then letters, digits and _".to_owned())
     })
     .value
+}
+
+/// Columns that are asked about, in a file of many.
+const MOST_COLUMNS: usize = 12;
+
+/// Asks what columns hold that nobody knows what to do with, and that change.
+pub fn columns(ask: &mut dyn Ask, look: &CsvLook, unknown: &[String], called: &mut Called) {
+    let range = |name: &str| {
+        let column = look.columns.iter().find(|column| column.name == name)?;
+        let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+        column.present().for_each(|x| (least, most) = (least.min(x), most.max(x)));
+        (least < most).then_some((least, most))
+    };
+    let change = unknown.iter().filter_map(|name| Some((name, range(name)?)));
+    for (name, (least, most)) in change.take(MOST_COLUMNS) {
+        let from_to = format!("{} to {}", super::lines::number(least), super::lines::number(most));
+        let question = format!(
+            "What is column `{}` ({from_to})? A name such as gyro_x_deg_s, acc_z_g, wheel_speed_1_rpm or wheel_torque_1_mn_m, or nothing",
+            shortened(name, super::LONGEST_NAME)
+        );
+        let suggested = Sourced::new(None, Origin::Assumed, "");
+        let said = asked(ask, &question, "nothing", suggested, |answer| match named(answer).meaning {
+            _ if answer == "nothing" => Ok(None),
+            Some(Meaning::Channel(_)) => Ok(Some(answer.to_owned())),
+            _ => Err("a name of a sensor, its axis or number, and its unit; or nothing".to_owned()),
+        });
+        called.extend(said.value.map(|answer| (name.clone(), answer)));
+    }
 }
 
 fn asked<T>(

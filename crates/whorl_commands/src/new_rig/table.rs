@@ -9,12 +9,14 @@ use super::channels::{Entry, MapDraft};
 use super::lines::{Origin, Sourced, number};
 use super::names::{Axis, Meaning, Named, named};
 use super::time::time;
-use super::units;
+use super::{Preset, units};
 
 /// A length that scatters by less than this share of itself is that of a direction \[1\].
 const STEADY: f64 = 0.1;
 /// Lengths that are gravity, in each unit of specific force, within this share \[1\].
 const NEAR: f64 = 0.2;
+/// What somebody said that columns are, as names that are known, by the names that they have.
+pub type Called = BTreeMap<String, String>;
 /// Columns of one sensor.
 type Group<'a> = Vec<(&'a Named, &'a LookedColumn)>;
 
@@ -22,7 +24,7 @@ type Group<'a> = Vec<(&'a Named, &'a LookedColumn)>;
 ///
 /// # Errors
 /// A file without names of columns.
-pub fn draft(look: &CsvLook) -> anyhow::Result<MapDraft> {
+pub fn draft(look: &CsvLook, called: &Called, preset: Option<Preset>) -> anyhow::Result<MapDraft> {
     if look.lacks_names {
         let names: Vec<String> = (1..=look.columns.len()).map(|k| format!("c{k}")).collect();
         anyhow::bail!(
@@ -32,7 +34,11 @@ pub fn draft(look: &CsvLook) -> anyhow::Result<MapDraft> {
             names.join(",")
         );
     }
-    let names: Vec<Named> = look.columns.iter().map(|column| named(&column.name)).collect();
+    let name_of = |column: &LookedColumn| match called.get(&column.name) {
+        Some(answer) => Named { column: column.name.clone(), ..named(answer) },
+        None => named(&column.name),
+    };
+    let names: Vec<Named> = look.columns.iter().map(name_of).collect();
     let mut groups: BTreeMap<(String, Option<Meaning>), Group<'_>> = BTreeMap::new();
     for (name, column) in names.iter().zip(&look.columns) {
         if column.present().next().is_some() || column.dates > 0 {
@@ -45,8 +51,7 @@ pub fn draft(look: &CsvLook) -> anyhow::Result<MapDraft> {
     let (mut vectors, mut wheels): (Vec<(String, Entry)>, Vec<Entry>) = Default::default();
     for ((stem, meaning), group) in &groups {
         let Some(meaning) = meaning.or_else(|| by_numbers(group)) else { continue };
-        let Meaning::Channel(channel) = meaning else { continue };
-        let channel = seen_otherwise(channel, group, &groups);
+        let Some(channel) = seen_otherwise(meaning, group, &groups, preset) else { continue };
         let Some(entry) = entry(channel, group) else { continue };
         match channel.info().form {
             Form::Directions => vectors.push((stem.clone(), entry)),
@@ -61,7 +66,7 @@ pub fn draft(look: &CsvLook) -> anyhow::Result<MapDraft> {
         }
     }
     take_wheels(&mut draft, wheels);
-    if !draft.entries.iter().any(|entry| entry.channel.info().is_motion) {
+    if !draft.entries.iter().any(|entry| is_turning(entry.channel)) {
         let mut angles = groups.iter().filter(|((_, meaning), _)| *meaning == Some(Meaning::Angle));
         let first = angles.find_map(|(_, group)| group.first());
         draft.entries.extend(first.map(|(name, column)| angle(name, column)));
@@ -77,6 +82,11 @@ pub fn draft(look: &CsvLook) -> anyhow::Result<MapDraft> {
         );
     }
     Ok(draft)
+}
+
+/// Whether it shows a rotation.
+fn is_turning(channel: Channel) -> bool {
+    channel.info().is_motion && channel != Channel::Accelerometer
 }
 
 /// What is not as usual between the cells.
@@ -105,38 +115,55 @@ fn by_numbers(group: &Group<'_>) -> Option<Meaning> {
 }
 
 /// What a name stands for beside other columns: `u_x, u_y, u_z` of length one are a direction and no torques, `w` beside `u` is a
-/// wheel's speed.
+/// wheel's speed, `velocity` that of a hinge where nothing else turns, and a lone `torque` then acts on the body.
 fn seen_otherwise(
-    channel: Channel,
+    meaning: Meaning,
     group: &Group<'_>,
     all: &BTreeMap<(String, Option<Meaning>), Group<'_>>,
-) -> Channel {
-    let has = |wanted: Channel| {
-        all.iter().any(|((_, meaning), group)| {
-            *meaning == Some(Meaning::Channel(wanted)) && group.iter().any(|(name, _)| name.axis.is_some())
-        })
+    preset: Option<Preset>,
+) -> Option<Channel> {
+    let named = |wanted: Channel| {
+        all.iter().filter(move |((_, meaning), _)| *meaning == Some(Meaning::Channel(wanted)))
     };
+    let has =
+        |wanted: Channel| named(wanted).any(|(_, group)| group.iter().any(|(name, _)| name.axis.is_some()));
+    let is_called = |wanted: Meaning| all.keys().any(|(_, meaning)| *meaning == Some(wanted));
     let alone = group.iter().all(|(name, _)| name.axis.is_none());
-    let command = Some(Meaning::Channel(Channel::WheelTorqueCommand));
-    match channel {
+    let turns_alone = is_called(Meaning::Turning) || is_called(Meaning::Angle);
+    let is_hinge = match preset {
+        Some(preset) => preset == Preset::Hinge,
+        None => turns_alone && !has(Channel::Gyro) && !is_called(Meaning::Channel(Channel::WheelSpeed)),
+    };
+    let channel = match meaning {
+        Meaning::Channel(channel) => channel,
+        Meaning::Turning if is_hinge => Channel::Gyro,
+        Meaning::Turning if preset == Some(Preset::WheelBench) || has(Channel::Gyro) => Channel::WheelSpeed,
+        _ => return None,
+    };
+    Some(match channel {
         Channel::WheelTorqueCommand
             if steady_length(group).is_some_and(|length| (length - 1.0).abs() < 0.02) =>
         {
             Channel::Vector
         }
+        Channel::WheelTorqueCommand if alone && is_hinge && named(Channel::WheelSpeed).next().is_none() => {
+            Channel::BodyTorque
+        }
         Channel::Gyro
-            if alone && !has(Channel::Gyro) && all.keys().any(|(_, meaning)| *meaning == command) =>
+            if alone
+                && meaning != Meaning::Turning
+                && !has(Channel::Gyro)
+                && is_called(Meaning::Channel(Channel::WheelTorqueCommand)) =>
         {
             Channel::WheelSpeed
         }
         other => other,
-    }
+    })
 }
 
 /// The usual length of three columns x, y, z, if it hardly varies.
 fn steady_length(group: &Group<'_>) -> Option<f64> {
-    let axis =
-        |k: usize| group.iter().find(|(name, _)| name.axis == Some(Axis::Body(k))).map(|(_, column)| column);
+    let axis = |k: usize| cell(group, Axis::Body(k)).map(|(_, column)| column);
     let (x, y, z) = (axis(0)?, axis(1)?, axis(2)?);
     let lengths = x.numbers.iter().zip(&y.numbers).zip(&z.numbers);
     let lengths: Vec<f64> = lengths
@@ -161,12 +188,27 @@ fn usual_length(members: &Group<'_>) -> Option<f64> {
     (usual > 0.0).then_some(usual)
 }
 
+/// The column of an axis; of three that are numbered, those are x, y and z.
+fn cell<'a>(group: &Group<'a>, axis: Axis) -> Option<(&'a Named, &'a LookedColumn)> {
+    let find = |axis: Axis| group.iter().find(|(name, _)| name.axis == Some(axis)).copied();
+    find(axis).or_else(|| {
+        let mut numbers: Vec<usize> = group
+            .iter()
+            .filter_map(|(name, _)| if let Some(Axis::Number(n)) = name.axis { Some(n) } else { None })
+            .collect();
+        numbers.sort_unstable();
+        let Axis::Body(k) = axis else { return None };
+        let first = *numbers.first().filter(|first| **first < 2)?;
+        let in_a_row = numbers.len() == 3 && group.len() == 3 && numbers.iter().copied().eq(first..first + 3);
+        in_a_row.then(|| find(Axis::Number(first + k))).flatten()
+    })
+}
+
 /// The entry of a channel, where there are the columns that it needs.
 fn entry(channel: Channel, group: &Group<'_>) -> Option<Entry> {
     let info = channel.info();
-    let column = |axis: Axis| group.iter().find(|(name, _)| name.axis == Some(axis)).copied();
     let axes = |wanted: &[Axis]| -> Vec<Option<(&Named, &LookedColumn)>> {
-        wanted.iter().map(|axis| column(*axis)).collect()
+        wanted.iter().map(|axis| cell(group, *axis)).collect()
     };
     let body = [Axis::Body(0), Axis::Body(1), Axis::Body(2)];
     let mut of = Sourced::new((), Origin::Stated, "");
@@ -174,7 +216,7 @@ fn entry(channel: Channel, group: &Group<'_>) -> Option<Entry> {
         Form::Axes | Form::Directions => {
             let found = axes(&body);
             let there = found.iter().flatten().count();
-            if there == 0 && channel == Channel::Gyro {
+            if there == 0 && matches!(channel, Channel::Gyro | Channel::BodyTorque) {
                 // One column without an axis.
                 let [only] = group[..] else { return None };
                 of = Sourced::new((), Origin::Assumed, "about z; check it");
@@ -270,24 +312,32 @@ fn angle(name: &Named, column: &LookedColumn) -> Entry {
     }
 }
 
-/// Wheels' channels must have one column for each wheel: those with another number than the first are left out.
+/// Wheels' channels must have one column for each wheel: those with another number than the first are left out. Of two that could be
+/// the commands, those that are called so are.
 fn take_wheels(draft: &mut MapDraft, mut wheels: Vec<Entry>) {
-    wheels.sort_by_key(|entry| entry.channel);
+    let is_commanded = |entry: &Entry| entry.columns.iter().all(|column| super::names::is_commanded(column));
+    wheels.sort_by_key(|entry| (entry.channel, !is_commanded(entry)));
     for entry in wheels {
-        let there =
-            draft.entries.iter().find(|there| matches!(there.channel.info().form, Form::Wheels { .. }));
-        match there {
-            Some(there) if there.columns.len() != entry.columns.len() || there.channel == entry.channel => {
-                draft.notes.push(format!(
-                    "{} are not in the map: {} for {} is taken for one column to each wheel, and these are {}.",
-                    entry.columns.join(", "),
-                    there.columns.join(", "),
-                    there.key,
-                    entry.columns.len()
-                ));
+        let columns = entry.columns.join(", ");
+        let of_wheels = |there: &&Entry| matches!(there.channel.info().form, Form::Wheels { .. });
+        let other =
+            draft.entries.iter().filter(of_wheels).find(|there| there.columns.len() != entry.columns.len());
+        let note = match (draft.entry(entry.channel), other) {
+            (Some(there), _) => {
+                format!("{columns} are not in the map: {} are the {}.", there.columns.join(", "), there.key)
             }
-            _ => draft.entries.push(entry),
-        }
+            (None, Some(other)) => format!(
+                "{columns} are not in the map: {} for {} is taken for one column to each wheel, and these are {}.",
+                other.columns.join(", "),
+                other.key,
+                entry.columns.len()
+            ),
+            (None, None) => {
+                draft.entries.push(entry);
+                continue;
+            }
+        };
+        draft.notes.push(note);
     }
 }
 

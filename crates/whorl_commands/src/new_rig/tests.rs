@@ -12,10 +12,10 @@ use super::{NewRig, new_rig};
 use crate::runs::RunSources;
 
 /// Noise of standard deviation one, nearly normal.
-struct Noise(u64);
+pub(super) struct Noise(pub u64);
 
 impl Noise {
-    fn next(&mut self) -> f64 {
+    pub fn next(&mut self) -> f64 {
         let mut uniform = || {
             self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (self.0 >> 11) as f64 / (1u64 << 53) as f64
@@ -29,22 +29,22 @@ impl Noise {
 }
 
 /// How a file of a sensor that rests for ten seconds and then turns about all axes is written.
-struct Written<'a> {
-    header: &'a str,
-    separator: &'a str,
-    decimal: char,
-    time: fn(f64) -> String,
-    gyro_per_rad_s: f64,
-    force_per_m_s2: f64,
+pub(super) struct Written<'a> {
+    pub header: &'a str,
+    pub separator: &'a str,
+    pub decimal: char,
+    pub time: fn(f64) -> String,
+    pub gyro_per_rad_s: f64,
+    pub force_per_m_s2: f64,
     /// Signs of the magnetometer's columns.
-    field: Vector3<f64>,
+    pub field: Vector3<f64>,
 }
 
 const RATE_HZ: f64 = 50.0;
 const GYRO_RAD_S: f64 = 0.003;
 const FORCE_M_S2: f64 = 0.03;
 
-fn table(of: &Written<'_>) -> String {
+pub(super) fn table(of: &Written<'_>) -> String {
     let mut noise = Noise(3);
     let mut attitude = UnitQuaternion::identity();
     let world = Vector3::new(0.0, 20.0, -40.0);
@@ -66,16 +66,16 @@ fn table(of: &Written<'_>) -> String {
     text
 }
 
-fn of_text(text: &str, ask: &mut dyn Ask) -> (NewRig, tempfile::TempDir) {
+pub(super) fn of_text(text: &str, ask: &mut dyn Ask) -> (NewRig, tempfile::TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("hand.csv");
     std::fs::write(&file, text).unwrap();
-    let made = new_rig(&file, folder.path(), ask).unwrap();
+    let made = new_rig(&file, folder.path(), None, ask).unwrap();
     (made, folder)
 }
 
 /// The commands read both files as they are.
-fn is_taken(made: &NewRig, file: &Path) -> whorl_recording::Recording {
+pub(super) fn is_taken(made: &NewRig, file: &Path) -> whorl_recording::Recording {
     let sources = RunSources {
         runs: vec![file.to_owned()],
         model: Some(made.rig.clone()),
@@ -85,13 +85,13 @@ fn is_taken(made: &NewRig, file: &Path) -> whorl_recording::Recording {
     sources.read().unwrap().training.remove(0)
 }
 
-fn line<'a>(made: &'a NewRig, begins: &str) -> (&'a str, Origin) {
+pub(super) fn line<'a>(made: &'a NewRig, begins: &str) -> (&'a str, Origin) {
     let found = made.lines.iter().find(|line| line.text.starts_with(begins));
     let found = found.unwrap_or_else(|| panic!("{begins}: {:#?}", made.lines));
     (&found.text, found.source.as_ref().unwrap().0)
 }
 
-const PLAIN: Written<'_> = Written {
+pub(super) const PLAIN: Written<'_> = Written {
     header: "t,gx,gy,gz,ax,ay,az,mx,my,mz",
     separator: ",",
     decimal: '.',
@@ -181,7 +181,7 @@ fn a_sensor_that_turns_against_the_gyro_is_reversed_and_said() {
 }
 
 /// Gives answers in their order.
-struct Answers(Vec<&'static str>, usize);
+pub(super) struct Answers(pub Vec<&'static str>, pub usize);
 
 impl Ask for Answers {
     fn ask(&mut self, _question: &str, _suggested: &str) -> Option<String> {
@@ -320,14 +320,14 @@ fn what_cannot_be_a_rig_is_refused_and_leaves_nothing_behind() {
     ] {
         let file = folder.path().join("prices.csv");
         std::fs::write(&file, text).unwrap();
-        let error = format!("{:#}", new_rig(&file, folder.path(), &mut Nobody).unwrap_err());
+        let error = format!("{:#}", new_rig(&file, folder.path(), None, &mut Nobody).unwrap_err());
         assert!(error.contains(said) && error.contains("prices.csv"), "{error}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "{said}");
     }
-    assert!(new_rig(Path::new("/no/such.csv"), folder.path(), &mut Nobody).is_err());
+    assert!(new_rig(Path::new("/no/such.csv"), folder.path(), None, &mut Nobody).is_err());
     // What is there already is somebody's.
     let (made, of_made) = of_text(&table(&PLAIN), &mut Nobody);
-    let again = new_rig(&of_made.path().join("hand.csv"), of_made.path(), &mut Nobody).unwrap_err();
+    let again = new_rig(&of_made.path().join("hand.csv"), of_made.path(), None, &mut Nobody).unwrap_err();
     assert!(format!("{again:#}").contains("is there already") && made.rig.exists());
 }
 

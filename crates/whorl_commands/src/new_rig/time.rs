@@ -63,7 +63,7 @@ pub fn time(columns: &[(&Named, &LookedColumn)], lines: usize) -> Sourced<String
             (unit, Origin::Assumed, format!("{other} would give a rate that sensors have as well; check it"))
         }
         (None, None, Some(unit)) => {
-            (unit, Origin::Measured, "no other unit gives a rate that sensors have".to_owned())
+            (unit, Origin::Assumed, "no other unit gives a rate that sensors have".to_owned())
         }
         (None, None, None) => (&UNITS[0], Origin::Assumed, "check it".to_owned()),
     };

@@ -22,6 +22,8 @@ const POSES: [&str; 3] =
 struct Inertial {
     gyro: usize,
     force: usize,
+    /// Messages that say that there is no gyro, or no accelerometer, the first numbers of these, and whether others are different.
+    marked: [(usize, Option<[f64; 3]>, bool); 2],
     frames: BTreeMap<String, usize>,
 }
 
@@ -159,13 +161,31 @@ fn look(bag: &BagReader, topic: &str) -> Inertial {
     for message in bag.messages_of(&[topic]).flatten().take(LOOKED_AT) {
         let Ok(Message::Imu(imu)) = Message::decode(MessageType::Imu, &message.cdr) else { continue };
         *found.frames.entry(imu.header.frame_id.clone()).or_default() += 1;
-        // A covariance that begins with -1 means that there is no such sensor.
+        // A covariance that begins with -1 means that there is no such sensor; the recording believes numbers that move more than that.
         // Of a sensor that lacks axes the others have numbers.
-        let has = |covariance: &[f64; 9], v: &Vector3| {
-            covariance.first() != Some(&-1.0) && [v.x, v.y, v.z].iter().any(|x| x.is_finite())
+        let mut has = |sensor: usize, covariance: &[f64; 9], v: &Vector3| {
+            let numbers = [v.x, v.y, v.z];
+            let is_there = numbers.iter().any(|x| x.is_finite());
+            let is_marked = covariance.first() == Some(&-1.0);
+            if let Some((count, first, moves)) =
+                found.marked.get_mut(sensor).filter(|_| is_there && is_marked)
+            {
+                *count += 1;
+                *moves |= *first.get_or_insert(numbers) != numbers;
+            }
+            usize::from(is_there && !is_marked)
         };
-        found.gyro += usize::from(has(&imu.angular_velocity_covariance, &imu.angular_velocity));
-        found.force += usize::from(has(&imu.linear_acceleration_covariance, &imu.linear_acceleration));
+        let gyro = has(0, &imu.angular_velocity_covariance, &imu.angular_velocity);
+        let force = has(1, &imu.linear_acceleration_covariance, &imu.linear_acceleration);
+        found.gyro += gyro;
+        found.force += force;
+    }
+    let [gyro, force] = found.marked.map(|(count, _, moves)| if moves { count } else { 0 });
+    if found.gyro == 0 {
+        found.gyro = gyro;
+    }
+    if found.force == 0 {
+        found.force = force;
     }
     found
 }

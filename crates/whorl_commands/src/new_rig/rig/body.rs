@@ -77,7 +77,7 @@ pub(super) fn wheels(
     let suggested = match seen.wheel_inertia_kg_m2 {
         Some(measured) => Sourced::new(
             measured,
-            Origin::Measured,
+            if parts.torque_unit_is_assumed { Origin::Assumed } else { Origin::Measured },
             "commanded torque over what it does to the speed; as right as the torque's unit",
         ),
         None => Sourced::new(WHEEL_SHARE * least_inertia, Origin::Assumed, "weigh it"),

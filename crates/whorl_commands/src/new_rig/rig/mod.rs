@@ -6,6 +6,7 @@ mod sensors;
 use body::{weight, wheels};
 use sensors::sensors;
 
+use super::Preset;
 use super::lines::{Lines, Origin, Sourced, list, number};
 use super::measure::Measured;
 use super::questions::{Ask, choice, moments, positive};
@@ -36,6 +37,10 @@ pub struct Parts {
     pub tachometer: bool,
     /// Whether the bus voltage is.
     pub bus: bool,
+    /// Whether nobody said in which unit torques were commanded.
+    pub torque_unit_is_assumed: bool,
+    /// The kind of rig, if somebody said it.
+    pub preset: Option<Preset>,
 }
 
 impl Parts {
@@ -47,6 +52,9 @@ impl Parts {
 
 /// The motion that the rig leaves the body.
 fn freedom(parts: &Parts, seen: &Measured, ask: &mut dyn Ask) -> Sourced<String> {
+    if let Some(preset) = parts.preset {
+        return Sourced::new(preset.freedom().to_owned(), Origin::Answered, "");
+    }
     let count = parts.gyro_axes.iter().filter(|there| **there).count();
     let suggested = match count {
         0 if !parts.wheels.is_empty() => {

@@ -9,6 +9,8 @@ use crate::new_rig::measure::{Measured, Noise};
 /// Turn-on biases of MEMS sensors: 0.5 deg/s, 10 mg [rad/s, m/s^2].
 const GYRO_BIAS_RAD_S: f64 = 0.01;
 const FORCE_BIAS_M_S2: f64 = 0.1;
+/// Noise of a sample of such a gyro: 0.1 deg/s [rad/s].
+const GYRO_NOISE_RAD_S: f64 = 0.002;
 /// The rate of an encoder has none: a small number that no fit divides by [rad/s].
 const ENCODER_BIAS_RAD_S: f64 = 1e-6;
 
@@ -31,6 +33,17 @@ pub(super) fn sensors(lines: &mut Lines, parts: &Parts, seen: &Measured) {
             let words = "half of it, as a rate is stamped at its end";
             lines.add(5, format!("latency_s: {}", number(0.5 / rate_hz)), Origin::Measured, words);
         }
+    }
+    if parts.gyro_axes == [false; 3] {
+        let words = "no gyro was recorded; this stands for one";
+        lines.open(4, "gyro:");
+        lines.add(5, format!("noise_stddev_rad_s: {}", number(GYRO_NOISE_RAD_S)), Origin::Assumed, words);
+        lines.add(
+            5,
+            format!("bias_turn_on_stddev_rad_s: {}", number(GYRO_BIAS_RAD_S)),
+            Origin::Assumed,
+            words,
+        );
     }
     if let Some(noise) = seen.force.as_ref().filter(|_| parts.force_axes != [false; 3]) {
         lines.open(4, "accelerometer:");

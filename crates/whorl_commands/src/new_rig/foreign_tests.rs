@@ -1,0 +1,111 @@
+//! Files with names and parts as other people have them.
+
+use std::fmt::Write as _;
+
+use super::lines::Origin;
+use super::questions::Nobody;
+use super::tests::{Answers, Noise, PLAIN, is_taken, line, of_text, table};
+use super::{Preset, new_rig};
+
+/// A wheel of 4.2e-4 kg m^2 whose torque steps up and down: a line is `t, speed [rad/s], torque [N m]`, as `write` writes it.
+fn wheel(header: &str, write: impl Fn(f64, f64, f64) -> String) -> String {
+    let (mut noise, mut speed, mut text) = (Noise(9), 0.0, format!("{header}\n"));
+    for k in 0..3000 {
+        let t = f64::from(k) / 100.0;
+        let torque = 0.01 * (0.7 * t).sin();
+        let _ = writeln!(text, "{}", write(t, speed + 0.05 * noise.next(), torque));
+        speed += torque / 4.2e-4 / 100.0;
+    }
+    text
+}
+
+#[test]
+fn the_torque_that_was_commanded_is_taken_and_not_that_which_was_measured() {
+    let text = wheel("t_s,torque_n_m,torque_command_n_m,wheel_rad_s", |t, speed, torque| {
+        format!("{t:.2},{:.5},{torque:.5},{speed:.3}", torque - 1e-3)
+    });
+    let (made, folder) = of_text(&text, &mut Nobody);
+    let (map, origin) = line(&made, "wheel_torque_command: {");
+    assert_eq!(
+        (map, origin),
+        ("wheel_torque_command: {columns: [torque_command_n_m], unit: N m}", Origin::Stated)
+    );
+    assert!(made.notes.iter().any(|note| note.contains("torque_n_m are not in the map")), "{:?}", made.notes);
+    assert_eq!(made.ignored, ["torque_n_m"]);
+    is_taken(&made, &folder.path().join("hand.csv"));
+}
+
+#[test]
+fn names_of_a_laboratory_are_read_and_a_reversed_torque_is_found() {
+    for sign in [1.0, -1.0] {
+        let text = wheel("t [s],RW1 n (1/min),RW1 cmd (mNm)", |t, speed, torque| {
+            format!("{t:.2},{:.2},{:.4}", speed * 30.0 / std::f64::consts::PI, sign * 1e3 * torque)
+        });
+        let (made, folder) = of_text(&text, &mut Nobody);
+        assert!(line(&made, "wheel_speed: {").0.ends_with("[\"RW1 n (1/min)\"], unit: rpm}"));
+        let (map, _) = line(&made, "wheel_torque_command: {");
+        let reversed = if sign < 0.0 { "-" } else { "" };
+        assert!(map.ends_with(&format!("[\"{reversed}RW1 cmd (mNm)\"], unit: mN m}}")), "{map}");
+        let (spin, _) = line(&made, "spin_inertia_kg_m2: ");
+        let found: f64 = spin.split_once(": ").unwrap().1.parse().unwrap();
+        assert!((found / 4.2e-4 - 1.0).abs() < 0.05, "{spin}");
+        is_taken(&made, &folder.path().join("hand.csv"));
+    }
+}
+
+#[test]
+fn a_pendulums_torque_acts_on_its_body_and_its_velocity_is_that_of_the_hinge() {
+    let text =
+        wheel("t,torque,velocity", |t, speed, torque| format!("{t:.2},{torque:.5},{:.4}", 0.1 * speed));
+    let (made, folder) = of_text(&text, &mut Nobody);
+    assert!(line(&made, "gyro: {").0.starts_with("gyro: {columns: [~, ~, velocity], unit: "));
+    assert!(line(&made, "body_torque: {").0.starts_with("body_torque: {columns: [~, ~, torque], unit: "));
+    assert!(line(&made, "freedom: {").0.contains("kind: hinge"));
+    let recording = is_taken(&made, &folder.path().join("hand.csv"));
+    assert!(recording.wheel_speed_rad_s.is_empty() && !recording.body_torque_b_n_m.is_empty());
+    assert!(recording.body_torque_b_n_m.value.iter().all(|torque| torque.x == 0.0 && torque.y == 0.0));
+}
+
+#[test]
+fn an_accelerometer_alone_has_a_rig() {
+    let mut noise = Noise(2);
+    let mut text = "t_s,ax,ay,az\n".to_owned();
+    for k in 0..2000 {
+        let [x, y, z] = [0.0, 0.0, -9.81].map(|f| f + 0.02 * noise.next());
+        let _ = writeln!(text, "{:.2},{x:.4},{y:.4},{z:.4}", f64::from(k) / 100.0);
+    }
+    let (made, folder) = of_text(&text, &mut Nobody);
+    assert_eq!(line(&made, "noise_stddev_rad_s: 0.002").1, Origin::Assumed);
+    assert!(made.notes.iter().any(|note| note.contains("reads -1 g on z at rest")), "{:?}", made.notes);
+    let recording = is_taken(&made, &folder.path().join("hand.csv"));
+    assert!(recording.gyro_b_rad_s.is_empty() && recording.specific_force_b_m_s2.len() == 2000);
+}
+
+#[test]
+fn columns_that_nobody_knows_are_asked_about() {
+    let text = table(&super::tests::Written { header: "t,p,q1,r,ax,ay,az,hx,hy,hz", ..PLAIN });
+    let (made, _folder) = of_text(&text, &mut Nobody);
+    assert_eq!(made.ignored, ["p", "q1", "r"]);
+    let mut answers = Answers(vec!["roll", "gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s", "bench"], 0);
+    let (made, _folder) = of_text(&text, &mut answers);
+    assert_eq!((answers.0.len(), answers.1, made.ignored.len()), (0, 1, 0), "{:?}", made.ignored);
+    assert!(line(&made, "gyro: {").0.starts_with("gyro: {columns: [p, q1, r], unit: rad/s}"));
+}
+
+#[test]
+fn somebody_who_says_which_kind_of_rig_it_is_is_believed() {
+    for (word, preset) in Preset::ALL {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("hand.csv");
+        std::fs::write(&file, table(&PLAIN)).unwrap();
+        let made = new_rig(&file, folder.path(), Some(preset), &mut Nobody).unwrap();
+        let (text, origin) = line(&made, "freedom: {");
+        let kind = match word {
+            "table" => "on_bearing",
+            "wheel_bench" => "clamped",
+            other => other,
+        };
+        assert!(text.contains(&format!("kind: {kind}")) && origin == Origin::Answered, "{text}");
+        assert!(whorl_recording::read_model(&made.rig, None).is_ok(), "{word}");
+    }
+}
