@@ -31,6 +31,16 @@ impl Anchor {
         Self { begin: Some(begin), ..Self::default() }
     }
 
+    /// Whether the sensor has moved for a second since the start.
+    pub(super) fn has_moved(&self) -> bool {
+        self.moving > SAMPLES
+    }
+
+    /// Whether it has left its place.
+    pub(super) fn has_left(&self) -> bool {
+        self.moving > LEFT
+    }
+
     /// Takes a sample, world axes at the present heading. Gives the azimuth from north towards east of a field that is the
     /// start's again \[rad\].
     pub(super) fn add(&mut self, field_w: &Vector3<f64>, resting: bool) -> Option<f64> {
@@ -45,7 +55,7 @@ impl Anchor {
             return None;
         }
         let mean = self.sum / f64::from(self.samples);
-        let begin = self.begin.filter(|_| self.moving > LEFT)?;
+        let begin = self.begin.filter(|_| self.has_left())?;
         let here = Vector2::new(mean.x.hypot(mean.y), mean.z);
         ((here - begin).amax() < REPEATS).then(|| mean.x.atan2(mean.y))
     }

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 /// A steady rate that is off the bias by so many standard deviations is a turn.
 const BIAS_SIGMAS: f64 = 4.0;
 /// Standard deviation of a heading that nothing is known of: a uniform distribution over the whole turn \[rad\].
-const UNKNOWN_RAD: f64 = 1.8;
+pub(super) const UNKNOWN_RAD: f64 = 1.8;
 /// How wrong an inclination is, about, that a wrong accelerometer corrected until it was found \[rad\].
 const WRONG_FORCE_RAD: f64 = 0.3;
 

@@ -2,7 +2,8 @@
 
 use super::FreeMotionFilter;
 use super::anchor::Anchor;
-use super::covariance::{ATTITUDE, FIELD, IRON, Row, update};
+use super::contradicted::UNKNOWN_RAD;
+use super::covariance::{ATTITUDE, FIELD, IRON, Row, STATES, update};
 use super::filter::{Start, rotation_about_z};
 use nalgebra::{Vector2, Vector3};
 
@@ -15,7 +16,9 @@ const LOST_HEADING_SIGMAS: f64 = 4.0;
 /// which trials of BROAD differ whose start is sound \[1\] ...
 const ODD_START: f64 = 0.2;
 /// ... for this long in motion \[s\]: a magnet that is passed by does not last so long.
-const ODD_START_S: f64 = 60.0;
+const ODD_START_S: f64 = 20.0;
+/// The heading is said to be uncertain from here on \[s\].
+const ODD_SAID_S: f64 = 5.0;
 /// ... and by more than this times the root mean square by which those places differ among themselves \[1\].
 const STEADY_RATIO: f64 = 3.0;
 /// The places since are averaged over this in motion \[s\].
@@ -36,6 +39,7 @@ impl FreeMotionFilter {
         self.still_field.on_field(&(measured / length));
         if self.rest.resting(&p) && self.still_field.is_disturbed() {
             // A field that changes around a resting sensor says nothing of its heading.
+            self.doubt_resting_start(&(measured / length));
             return;
         }
         let rotation = *self.q_world_body.to_rotation_matrix().matrix();
@@ -48,6 +52,11 @@ impl FreeMotionFilter {
         let time_s = if deviation > self.inhomogeneity { p.field_rise_s } else { p.field_fall_s };
         self.inhomogeneity +=
             (deviation - self.inhomogeneity) * (p.magnetometer_interval_s / time_s).min(1.0);
+        if let Some(begin) = self.begin {
+            let off = Vector2::new(horizontal, world.z) - begin;
+            self.off_start += (off - self.off_start) * (p.magnetometer_interval_s / p.field_place_s).min(1.0);
+        }
+        self.follow_east_variance();
         let places = 1.0 + 2.0 * p.field_short_time_s / p.magnetometer_interval_s;
         let variance = p.magnetometer_sigma.powi(2) + self.inhomogeneity.max(deviation) * places;
         let azimuth = world.x.atan2(world.y);
@@ -75,7 +84,6 @@ impl FreeMotionFilter {
             self.turned_rad += correction[ATTITUDE + 2];
             self.apply(&correction);
         }
-        self.notice_another_place();
         let resting = self.rest.resting(&p);
         if !resting {
             self.doubt_start(&Vector2::new(horizontal, world.z));
@@ -110,22 +118,37 @@ impl FreeMotionFilter {
         self.east_mean = 0.0;
     }
 
-    /// Where the north and up components have changed, the east component has changed as well: its variance grows by
-    /// their change.
-    fn notice_another_place(&mut self) {
-        let p = self.parameters;
-        let here = Vector2::new(self.field_relative.y, self.field_relative.z);
-        let (place, since_s) = self.place.get_or_insert((here, 0.0));
-        *since_s += p.magnetometer_interval_s;
-        let wanted = p.disagreement_gain * 0.5 * (here - *place).norm_squared();
-        if wanted > self.place_variance {
-            self.covariance[(FIELD, FIELD)] += wanted - self.place_variance;
-            self.place_variance = wanted;
+    /// Where the components that do not depend on the heading have changed, the east component has changed as well, and where they are
+    /// again as at the start, so is it: it grows by something unknown, and shrinks in proportion.
+    fn follow_east_variance(&mut self) {
+        let sigma = self.east_variance().sqrt();
+        let Some(before) = self.east_sigma.replace(sigma).filter(|before| *before > 0.0) else { return };
+        if sigma >= before {
+            self.covariance[(FIELD, FIELD)] += sigma * sigma - before * before;
+            return;
         }
-        if *since_s > p.field_time_s {
-            self.place = None;
-            self.place_variance = 0.0;
+        let left = sigma / before;
+        self.field_relative.x *= left;
+        for state in 0..STATES {
+            self.covariance[(FIELD, state)] *= left;
+            self.covariance[(state, FIELD)] *= left;
         }
+    }
+
+    /// The field has changed since the start, and the sensor has not moved yet: one of the two is disturbed. If it was the start, the
+    /// heading is off by as much as the components say.
+    fn doubt_resting_start(&mut self, measured: &Vector3<f64>) {
+        let Some(begin) = self.begin.filter(|_| !self.anchor.has_moved()) else { return };
+        let world = self.q_world_body * measured;
+        let here = Vector2::new(world.x.hypot(world.y), world.z);
+        let apart = (here - begin).norm();
+        if apart > ODD_START {
+            self.doubt_heading(apart / here.x.min(begin.x).max(1e-3));
+        }
+    }
+
+    fn doubt_heading(&mut self, angle_rad: f64) {
+        self.start_doubt_rad2 = self.start_doubt_rad2.max(angle_rad.min(UNKNOWN_RAD).powi(2));
     }
 
     /// A start whose field is unlike that of all places since was itself disturbed: then it says nothing of north.
@@ -139,14 +162,21 @@ impl FreeMotionFilter {
         let steady = apart.powi(2) > STEADY_RATIO.powi(2) * self.recent_spread;
         let odd = apart > ODD_START && steady;
         self.doubt_s = (self.doubt_s + if odd { interval_s } else { -interval_s }).max(0.0);
+        if self.doubt_s >= ODD_SAID_S {
+            self.doubt_heading(apart / self.recent.x.max(1e-3));
+        } else if self.anchor.has_left() && self.off_start.norm() < 0.5 * ODD_START {
+            // Elsewhere the field is that of the start, too: it was none of a magnet's.
+            self.start_doubt_rad2 = 0.0;
+        }
         if self.doubt_s < ODD_START_S {
             return;
         }
         self.doubt_s = 0.0;
+        self.start_doubt_rad2 = 0.0;
         let here = self.recent;
         self.begin = Some(here);
-        self.place = None;
-        self.place_variance = 0.0;
+        self.off_start = Vector2::zeros();
+        self.east_sigma = None;
         (self.field_relative.y, self.field_relative.z) = (here.x.max(1e-3), here.y);
         for state in [FIELD + 1, FIELD + 2] {
             self.covariance.fill_row(state, 0.0);
@@ -159,14 +189,12 @@ impl FreeMotionFilter {
         self.forget_heading();
     }
 
-    /// Variance of the field's east component in motion, relative to its length squared.
+    /// Variance of the field's east component in motion, relative to its length squared: that of any room, and as much as the components
+    /// that do not depend on the heading are off those of the start. (Their changes within a second or so are noise of the samples.)
     pub(super) fn east_variance(&self) -> f64 {
         let p = &self.parameters;
-        let moved = self.begin.map_or(0.0, |begin| {
-            0.5 * (Vector2::new(self.field_relative.y, self.field_relative.z) - begin).norm_squared()
-        });
         (p.field_east_sigma * self.field_relative.y).powi(2)
-            + p.disagreement_gain * self.inhomogeneity.max(moved)
+            + p.disagreement_gain * 0.5 * self.off_start.norm_squared()
     }
 
     /// Sets a heading and a field found by other means: `azimuth_rad` is that of north in axes that only the gyro's error
@@ -186,8 +214,8 @@ impl FreeMotionFilter {
         self.begin = Some(begin);
         self.anchor = Anchor::at(begin);
         self.recent = begin;
-        self.place = None;
-        self.place_variance = 0.0;
+        self.off_start = Vector2::zeros();
+        self.east_sigma = None;
         self.field_relative = Vector3::new(0.0, here.xy().norm(), here.z) / length;
         self.inhomogeneity = self.parameters.inhomogeneity_start.powi(2);
         let east = self.east_variance();

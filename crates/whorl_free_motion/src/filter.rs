@@ -3,6 +3,7 @@
 use super::FreeMotionParameters;
 use super::anchor::Anchor;
 use super::clipping::Clipping;
+use super::contradicted::UNKNOWN_RAD;
 use super::covariance::{
     ATTITUDE, Covariance, FIELD, FORCE_BIAS, GYRO_BIAS, GYRO_MATRIX, IRON, Interval, POSITION, Row, VELOCITY,
     propagate, update,
@@ -17,6 +18,8 @@ use whorl_math::{attitude_from_two_vectors, attitude_from_vertical, quaternion_e
 const COVARIANCE_STEP_S: f64 = 0.05;
 /// A longer gap between samples restarts the filter \[s\].
 const GAP_S: f64 = 1.0;
+/// A hand or a trolley may have turned as fast meanwhile, standard deviation [rad/s].
+const GAP_RATE_RAD_S: f64 = 0.5;
 
 /// The estimate of the filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -119,10 +122,17 @@ pub struct FreeMotionFilter {
     pub(super) recent_spread: f64,
     /// How long the field has been unlike the start's, in motion \[s\].
     pub(super) doubt_s: f64,
-    /// North and up component of the field where its changes are counted from, and for how long \[s\].
-    pub(super) place: Option<(Vector2<f64>, f64)>,
-    /// Variance added to the east component for these changes.
-    pub(super) place_variance: f64,
+    /// Mean difference of the field's horizontal and up component from those of the start.
+    pub(super) off_start: Vector2<f64>,
+    /// Standard deviation of the east component at the latest sample; `None`: not yet.
+    pub(super) east_sigma: Option<f64>,
+    /// Variance of the heading of a start whose field may have been disturbed \[rad^2\]. Told, and not used: the field's part in the
+    /// filter is its own matter.
+    pub(super) start_doubt_rad2: f64,
+    /// What was known before a gap, and how long that was \[s\].
+    gap: Option<(UnitQuaternion<f64>, f64)>,
+    /// Gaps so far, and the longest \[s\].
+    pub(super) gaps: (u32, f64),
 }
 
 impl FreeMotionFilter {
@@ -159,8 +169,11 @@ impl FreeMotionFilter {
             recent: Vector2::zeros(),
             recent_spread: 0.0,
             doubt_s: 0.0,
-            place: None,
-            place_variance: 0.0,
+            off_start: Vector2::zeros(),
+            east_sigma: None,
+            start_doubt_rad2: 0.0,
+            gap: None,
+            gaps: (0, 0.0),
         }
     }
 
@@ -180,6 +193,10 @@ impl FreeMotionFilter {
         }
         self.previous_ns = Some(stamp_ns);
         if dt_s > GAP_S {
+            if self.start.is_none() {
+                self.gap = Some((self.q_world_body, dt_s));
+            }
+            self.gaps = (self.gaps.0 + 1, self.gaps.1.max(dt_s));
             self.start = Some(Start::default());
             return;
         }
@@ -250,7 +267,7 @@ impl FreeMotionFilter {
             gyro_bias_rad_s: self.gyro_bias_rad_s,
             accelerometer_bias_m_s2: self.force_bias_m_s2,
             iron_magnetometer_unit: self.iron_relative * self.field_length.unwrap_or(1.0),
-            sigma_rad: self.covariance.diagonal().fixed_rows::<3>(ATTITUDE).map(|v| v.max(0.0).sqrt()),
+            sigma_rad: self.attitude_w_rad2().diagonal().map(|v| v.max(0.0).sqrt()),
             resting: self.rest.resting(&self.parameters),
         })
     }
@@ -262,7 +279,7 @@ impl FreeMotionFilter {
         let block = |row: usize, column: usize| -> Matrix3<f64> {
             self.covariance.fixed_view::<3, 3>(row, column).into()
         };
-        let attitude = rotation.tr_mul(&(block(ATTITUDE, ATTITUDE) * rotation));
+        let attitude = rotation.tr_mul(&(self.attitude_w_rad2() * rotation));
         let cross = rotation.tr_mul(&block(ATTITUDE, GYRO_BIAS));
         let mut covariance = Matrix6::zeros();
         covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&attitude);
@@ -270,6 +287,13 @@ impl FreeMotionFilter {
         covariance.fixed_view_mut::<3, 3>(3, 0).copy_from(&cross.transpose());
         covariance.fixed_view_mut::<3, 3>(3, 3).copy_from(&block(GYRO_BIAS, GYRO_BIAS));
         (covariance + covariance.transpose()) * 0.5
+    }
+
+    /// Covariance of the attitude error, world axes, and what a start may be off \[rad^2\].
+    fn attitude_w_rad2(&self) -> Matrix3<f64> {
+        let mut attitude: Matrix3<f64> = self.covariance.fixed_view::<3, 3>(ATTITUDE, ATTITUDE).into();
+        attitude[(2, 2)] += self.start_doubt_rad2;
+        attitude
     }
 
     fn finish_start(&mut self) {
@@ -297,6 +321,25 @@ impl FreeMotionFilter {
             set(GYRO_MATRIX + 3 * row, p.gyro_matrix_sigma);
         }
         variance[ATTITUDE + 2] = 1.0;
+        let gap = self.gap.take();
+        if let Some((before, gap_s)) = gap {
+            // What the sensors' errors were before, they are.
+            for state in (GYRO_BIAS..FORCE_BIAS + 3).chain(IRON..IRON + 3) {
+                variance[state] = variance[state].min(self.covariance[(state, state)] * (1.0 + gap_s));
+            }
+            for state in GYRO_MATRIX..GYRO_MATRIX + 9 {
+                variance[state] = self.covariance[(state, state)];
+            }
+            if start.fields == 0 {
+                // Nothing says how it turned meanwhile: the heading is that of before, the vertical that of now.
+                let up_before = before * up.into_inner();
+                let upright = UnitQuaternion::rotation_between(&up_before, &Vector3::z()).unwrap_or_default();
+                self.q_world_body = upright * before * start.q;
+                let hidden_rad = (GAP_RATE_RAD_S * gap_s).min(UNKNOWN_RAD);
+                let known = self.covariance[(ATTITUDE + 2, ATTITUDE + 2)];
+                variance[ATTITUDE + 2] = (known + hidden_rad * hidden_rad).min(UNKNOWN_RAD * UNKNOWN_RAD);
+            }
+        }
         if start.fields > 0 {
             let length = *self.field_length.get_or_insert(field.norm());
             let world = begin * field / length;
@@ -311,11 +354,22 @@ impl FreeMotionFilter {
             variance[FIELD + 1] = (p.iron_sigma + p.field_east_sigma * north).powi(2);
             variance[FIELD + 2] = variance[FIELD + 1];
         }
+        let scale = self.parameters.gyro_scale_sigma.powi(2);
         self.covariance = Covariance::from_diagonal(&variance);
+        if gap.is_none() {
+            // Of the three scales together; the matrix is row by row.
+            for one in (GYRO_MATRIX..GYRO_MATRIX + 9).step_by(4) {
+                for other in (GYRO_MATRIX..GYRO_MATRIX + 9).step_by(4) {
+                    self.covariance[(one, other)] += scale;
+                }
+            }
+        }
         (self.velocity_w_m_s, self.position_w_m) = (Vector3::zeros(), Vector3::zeros());
         self.sums = Sums::ZERO;
         self.turned_rad = 0.0;
-        self.place = None;
+        self.off_start = Vector2::zeros();
+        self.east_sigma = None;
+        self.start_doubt_rad2 = 0.0;
         self.start = None;
     }
 
@@ -419,13 +473,9 @@ impl FreeMotionFilter {
         self.apply(&correction);
     }
 
-    /// A measurement of a velocity or a place. These are as probable in every direction: where no field ever told the heading they
-    /// do not either.
+    /// A measurement of a velocity or a place. These are as probable in every direction, and tell no heading; what the linear update
+    /// makes of them would turn it all the same, the more the less the field says.
     fn use_motion_state(&mut self, index: usize, innovation: f64, variance: f64) {
-        if self.field_length.is_some() {
-            self.use_state(index, innovation, variance);
-            return;
-        }
         let mut h = Row::zeros();
         h[index] = 1.0;
         let mut mask = Row::repeat(1.0);

@@ -28,6 +28,8 @@ mod covariance;
 mod directions;
 mod field;
 mod filter;
+#[cfg(test)]
+mod imperfect_tests;
 mod iron;
 mod magnetised;
 mod orientation;

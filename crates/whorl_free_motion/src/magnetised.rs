@@ -25,6 +25,8 @@ pub struct FreeMotionEstimator {
     wrong: [Option<Contradiction>; 2],
 }
 
+/// A field that rises by so much above the horizon is not that of a room's steel \[deg\].
+const LEAST_ABOVE_DEG: f64 = 20.0;
 /// The axes are looked at after so many samples.
 const CHECKED_EVERY: u32 = 100;
 
@@ -115,7 +117,21 @@ impl FreeMotionEstimator {
     pub fn doubts(&self) -> Vec<String> {
         let clipping = &self.filter.clipping;
         let clipped = (clipping.count() > 0).then(|| clipping.to_string());
-        super::axes::doubts(&self.wrong).into_iter().chain(clipped).collect()
+        let (gaps, longest_s) = self.filter.gaps;
+        let gaps = (gaps > 0).then(|| {
+            format!(
+                "{gaps} gaps of more than a second, the longest {longest_s:.1} s: behind each the attitude starts anew; without a \
+                 magnetometer the heading is that of before, as uncertain as a turn meanwhile makes it."
+            )
+        });
+        let above_deg = self.filter.begin.map_or(0.0, |begin| begin.y.atan2(begin.x).to_degrees());
+        let rises = (above_deg > LEAST_ABOVE_DEG).then(|| {
+            format!(
+                "The field points {above_deg:.0} deg above the horizon, as it does south of the equator. North of it the accelerometer's \
+                 three signs are reversed (at rest it reads +1 g upwards, not gravity), or the magnetometer's are, and the heading is wrong."
+            )
+        });
+        super::axes::doubts(&self.wrong).into_iter().chain(clipped).chain(gaps).chain(rises).collect()
     }
 
     /// Whether a magnet on the sensor has been detected.

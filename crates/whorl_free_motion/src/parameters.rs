@@ -7,11 +7,13 @@ pub struct FreeMotionParameters {
     pub gravity_m_s2: f64,
     /// Gyro white noise [rad/s/sqrt(Hz)].
     pub gyro_noise_rad_s_sqrt_hz: f64,
-    /// Further angle noise per rate, for what scale and misalignment leave: a nonlinearity of 0.1 % (data sheets of MEMS gyros,
-    /// e.g. MPU-9250) that lasts for a second [rad/sqrt(s) per rad/s].
+    /// Further angle noise per rate, for what scale and misalignment leave: a nonlinearity of 0.05 % (data sheets of MEMS gyros have
+    /// 0.01 to 0.1 %) that lasts for a second [rad/sqrt(s) per rad/s].
     pub gyro_scale_noise_sqrt_s: f64,
-    /// Gyro scale and misalignment \[1\].
+    /// Gyro scale and misalignment, each axis for itself: data sheets have up to 1 % \[1\].
     pub gyro_matrix_sigma: f64,
+    /// Gyro scale, all axes together: a wrong range, or a sensor without calibration \[1\].
+    pub gyro_scale_sigma: f64,
     /// Initial gyro bias [rad/s].
     pub gyro_bias_sigma_rad_s: f64,
     /// Its random walk [rad/s/sqrt(s)].
@@ -52,6 +54,8 @@ pub struct FreeMotionParameters {
     pub field_rise_s: f64,
     /// ... and falls \[s\].
     pub field_fall_s: f64,
+    /// Over this time the field's components are averaged to see how far the place is off the start \[s\].
+    pub field_place_s: f64,
     /// Over this time in motion the field's small-scale inhomogeneity is the same \[s\].
     pub field_short_time_s: f64,
     /// Field of iron on the sensor, relative to the field's length: what a calibration leaves, 0.5 uT \[1\].
@@ -75,8 +79,9 @@ impl Default for FreeMotionParameters {
         Self {
             gravity_m_s2: 9.81,
             gyro_noise_rad_s_sqrt_hz: 3e-4,
-            gyro_scale_noise_sqrt_s: 1e-3,
-            gyro_matrix_sigma: 5e-3,
+            gyro_scale_noise_sqrt_s: 5e-4,
+            gyro_matrix_sigma: 7e-3,
+            gyro_scale_sigma: 0.1,
             gyro_bias_sigma_rad_s: 0.01,
             gyro_bias_walk_rad_s_sqrt_s: 3e-5,
             accelerometer_noise_m_s2_sqrt_hz: 0.01,
@@ -96,7 +101,8 @@ impl Default for FreeMotionParameters {
             disagreement_gain: 2.0,
             inhomogeneity_start: 0.03,
             field_rise_s: 1.0,
-            field_fall_s: 20.0,
+            field_fall_s: 4.0,
+            field_place_s: 3.0,
             field_short_time_s: 0.5,
             iron_sigma: 0.01,
             start_window_s: 0.5,

@@ -11,7 +11,8 @@ use serde_json::json;
 use whorl_bag::{CsvMap, CsvRows};
 use whorl_commands::attitudes::{CsvLines, Line, Tally, recorded_by, told};
 use whorl_commands::estimate::{Chosen, EstimateOptions, too_few};
-use whorl_free_motion::{Orientation, Sample};
+use whorl_free_motion::{Orientation, OrientationErrors, Sample};
+use whorl_recording::TruthCheck;
 
 use output::Output;
 
@@ -89,6 +90,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -arguments.declination_deg.to_radians());
     let (mut tally, mut times, mut samples) = (Tally::default(), None::<[i64; 2]>, 0);
     let mut reader = CsvLines::new(&map);
+    let mut truth = TruthCheck::default();
     let mut take = |tally: &mut Tally,
                     first_ns: i64,
                     line: &Line,
@@ -109,6 +111,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         times = Some([first_ns, row.time_ns]);
         let Some(line) = reader.line(&row, chosen.needs_force()) else { continue };
         samples += 1;
+        truth.add_gyro((row.time_ns - first_ns) as f64 * 1e-9, &line.sample.gyro_rad_s);
+        line.truth.iter().for_each(|q| truth.add_attitude(q));
         if arguments.smooth {
             kept.push(line);
         } else {
@@ -130,6 +134,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     notes.extend(recorded.partial_force());
     notes.extend(reader.unused().notes());
     notes.extend(chosen.doubts());
+    if let Some(false_truth) = truth.contradiction() {
+        notes.push(false_truth);
+        tally.errors = OrientationErrors::default();
+    }
     tell(arguments, &map, &chosen, &tally, samples, (last_ns - first_ns) as f64 * 1e-9, &notes)
 }
 
@@ -169,7 +177,7 @@ fn tell(
                 tally.heading_consistency().unwrap_or(f64::NAN)
             );
         }
-        None => say!("the file has no truth to compare with"),
+        None => say!("there is no truth to compare with"),
     }
     if let Some(path) = &arguments.out {
         say!("attitudes: {}", path.display());
