@@ -121,3 +121,74 @@ pub fn as_json(
         "versions": list,
     }))
 }
+
+#[cfg(test)]
+mod tests {
+    use whorl_diagnosis::Options;
+    use whorl_explain::adopt;
+
+    use crate::runs::RunSources;
+    use crate::simulate::record_quietly;
+
+    const EFFECT: &str = "bearing_turbine";
+    const TORQUE_N_M: f64 = 0.03;
+
+    /// A platform that stands upright turns about the vertical and about its own axis alike.
+    #[test]
+    #[ignore = "slow: a minute is simulated, and fitted three times"]
+    fn torques_about_one_axis_are_adopted_as_their_sum() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let params = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params");
+        for inner in ["truth", "experiments"] {
+            std::fs::create_dir(at(inner)).unwrap();
+        }
+        for file in ["common.yaml", "whorl_1.yaml"] {
+            std::fs::copy(params.join(file), at(file)).unwrap();
+        }
+        let truth = "/whorl_1/driver:\n  ros__parameters:\n    truth:\n      effects:\n";
+        std::fs::write(
+            at("truth/whorl_1.yaml"),
+            format!("{truth}        {EFFECT}: {{vertical_n_m: {TORQUE_N_M}}}\n"),
+        )
+        .unwrap();
+        let swing = std::fs::read_to_string(params.join("experiments/swing.yaml")).unwrap();
+        let alone = "\n/**:\n  ros__parameters:\n    formation: {platforms: [whorl_1]}\n";
+        std::fs::write(at("experiments/swing.yaml"), swing + alone).unwrap();
+        record_quietly(&at("experiments/swing.yaml"), None, &at("run"), 1).unwrap();
+        let sources = RunSources {
+            runs: vec![at("run")],
+            model: Some(at("whorl_1.yaml")),
+            platform: Some("whorl_1".to_owned()),
+            ..RunSources::default()
+        };
+        let runs = sources.read().unwrap();
+        let case = runs.case();
+        let adoption = adopt(&case, &[vec![EFFECT.to_owned()]], &Options::default(), &mut |_, _| {}).unwrap();
+
+        let fit = adoption.versions.last().and_then(|version| version.fit.as_ref()).unwrap();
+        let [tie] = fit.ties.as_slice() else { panic!("{:?}: {:?}", fit.ties, fit.estimates) };
+        assert_eq!(tie.combination(), "body_z_n_m + vertical_n_m");
+        let off = (tie.value - TORQUE_N_M) / tie.stddev;
+        assert!(off.abs() < 4.0 && tie.stddev < 0.02 * TORQUE_N_M, "{off} deviations off: {tie:?}");
+        assert!(tie.stddevs.iter().all(|alone| *alone > TORQUE_N_M / 10.0), "{tie:?}");
+
+        // The row says what is known, and the file leaves open which of the two it is.
+        let row = fit.estimates.iter().find(|p| p.name == tie.combination()).unwrap();
+        assert_eq!((row.estimate, row.stddev), (tie.value, tie.stddev));
+        let written: f64 = fit.model.effects[EFFECT].values().sum();
+        assert!((written - tie.value).abs() < tie.stddev, "{:?}", fit.model.effects);
+        for name in ["body_z_n_m", "vertical_n_m"] {
+            assert!(fit.prior.effects[EFFECT][name] > TORQUE_N_M / 10.0, "{:?}", fit.prior.effects);
+        }
+        let said = adoption.answer().join("\n");
+        assert!(
+            said.contains("do not tell body_z_n_m and vertical_n_m") && said.contains("tilted"),
+            "{said}"
+        );
+        let changes = adoption.changes(&case, "run");
+        let of = |c: &&whorl_explain::changes::Change| c.key == "model.effects.bearing_turbine.vertical_n_m";
+        let comment = &changes.iter().find(of).unwrap().comment;
+        assert!(comment.contains("body_z_n_m + vertical_n_m +- "), "{comment}");
+    }
+}

@@ -14,6 +14,7 @@ use crate::refit::{Entered, Fit, Refit};
 use crate::search::Search;
 use crate::search::expected_information::make_columns_for;
 use crate::search::step::{base_point_with, point_of};
+use crate::ties::leave_open;
 use crate::{DiagnosisError, Options, delaying, prepare};
 
 /// Refits the platform's own parameters together with `effects` (ids of the catalogue, empty to refit the
@@ -81,7 +82,8 @@ impl<'a> Fitter<'a> {
         };
         let starts = [with_base(vec![0.0; found.len()]), with_base(found.clone()), found];
         let (fitted, mut fit) = refit.fit(self.training, &starts, self.options)?;
-        fit.take_ties(refit.ties(self.training, &fitted, &chosen, self.options)?);
+        fit.ties = refit.ties(self.training, &fitted, &chosen, self.options)?;
+        leave_open(&fit.ties, &mut fit.model, &mut fit.prior);
         Ok(fit)
     }
 

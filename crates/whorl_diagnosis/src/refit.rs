@@ -11,7 +11,7 @@ use crate::explanations::candidates::Design;
 use crate::explanations::hypothesis::Term;
 use crate::parameters::available::Available;
 use crate::parameters::{Column, MASS_PROPERTIES, Point, Reference, Target, is_base};
-use crate::ties::Tie;
+use crate::ties::{Tie, ties};
 use crate::{DiagnosisError, Options};
 
 /// A model refitted jointly with effects.
@@ -256,6 +256,49 @@ impl<'a> Refit<'a> {
             base.set_stddev(prior, part, stddev);
         } else if !is_of_platform(column) {
             prior.effects.entry(column.group.to_owned()).or_default().insert(column.name.clone(), stddev);
+        }
+    }
+}
+
+impl Refit<'_> {
+    /// Parameters of these effects that the recordings do not tell apart. Amplitudes of an effect that took no part in the fit are
+    /// asked about as well: that they were not needed does not mean that they are zero.
+    pub fn ties(
+        &self,
+        recordings: &[Recording],
+        fitted: &Fitted,
+        effects: &[&'static dyn Effect],
+        options: &Options,
+    ) -> Result<Vec<Tie>, DiagnosisError> {
+        let mut wide =
+            Refit { reference: self.reference, columns: self.columns.clone(), stddevs: self.stddevs.clone() };
+        // Constants of the platform are not effects of the model.
+        let effects = || effects.iter().filter(|effect| !effect.is_base());
+        effects().for_each(|effect| wide.add_amplitudes(*effect));
+        let covariance = if wide.columns.len() == self.columns.len() {
+            fitted.covariance.clone()
+        } else {
+            let mut start = fitted.at.clone();
+            start.resize(wide.columns.len(), 0.0);
+            let settings = Settings { threads: options.threads, ..Settings::default() };
+            wide.likeliest(recordings, &[start], Rival::NONE, &settings)?.covariance
+        };
+        let is_of_effect = |column: &Column| effects().any(|effect| effect.info().id == column.group);
+        Ok(ties(&wide.columns, &fitted.at, &covariance, is_of_effect))
+    }
+
+    /// Adds the amplitudes of an effect that are not among the parameters, as large as those that are.
+    fn add_amplitudes(&mut self, effect: &'static dyn Effect) {
+        let specs = effect.parameters(&self.reference.model);
+        let own = |column: &Column| column.group == effect.info().id;
+        let sizes = self.columns.iter().zip(&self.stddevs).filter(|(column, _)| own(column));
+        let size = sizes.map(|(column, stddev)| stddev / column.catalogue_stddev).fold(1.0, f64::max);
+        for column in self.reference.parameter_columns(effect) {
+            let is_amplitude = specs.get(column.index).is_some_and(|spec| spec.role == Role::Amplitude);
+            if is_amplitude && !self.columns.iter().any(|c| own(c) && c.index == column.index) {
+                self.stddevs.push(size * column.catalogue_stddev);
+                self.columns.push(column);
+            }
         }
     }
 }

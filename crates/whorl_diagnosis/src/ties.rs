@@ -1,20 +1,17 @@
 //! Parameters of effects that recordings do not tell apart.
 
-use whorl_dynamics::Effect;
-use whorl_dynamics::effects::{Role, find};
+use nalgebra::DMatrix;
+use whorl_dynamics::effects::find;
+use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_math::three_digits;
-use whorl_prediction::{Fitted, Rival, Settings};
-use whorl_recording::Recording;
 
 use crate::parameters::Column;
-use crate::refit::{Fit, Refit};
-use crate::{DiagnosisError, Options};
 
 /// A ratio this close to one, or to minus one, goes without saying.
 const SAME: f64 = 0.02;
 
 /// Deviations of both parameters of a tie are at least so many times that of their combination.
-const TIED: f64 = 5.0;
+const TIED: f64 = 10.0;
 
 /// Two parameters of which a combination is known and neither by itself.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,89 +44,50 @@ impl Tie {
     }
 }
 
-impl Fit {
-    /// What is not told apart is left open: of each of the two no more is known than that, also for a fit that comes after, and the
-    /// second is in the model, if only with its neutral value.
-    pub(crate) fn take_ties(&mut self, ties: Vec<Tie>) {
-        for tie in &ties {
-            for ((effect, name), stddev) in tie.parameters.iter().zip(tie.stddevs) {
-                let specs = find(effect).map(|of| of.parameters(&self.model)).unwrap_or_default();
-                let neutral = specs.iter().find(|spec| spec.name == *name).map_or(0.0, |spec| spec.neutral);
-                self.model.effects.entry(effect.clone()).or_default().entry(name.clone()).or_insert(neutral);
-                let known = self.prior.effects.entry(effect.clone()).or_default().entry(name.clone());
-                known.and_modify(|known| *known = known.max(stddev)).or_insert(stddev);
+/// Pairs of fitted parameters, of those that `is_asked` chooses, of which a combination is known at least [`TIED`] times as well as
+/// either, as the covariance says. `at` are the values in units; parameters behind them took no part in the fit.
+pub(crate) fn ties(
+    columns: &[Column],
+    at: &[f64],
+    covariance: &DMatrix<f64>,
+    is_asked: impl Fn(&Column) -> bool,
+) -> Vec<Tie> {
+    let asked: Vec<(usize, &Column)> = columns.iter().enumerate().filter(|(_, of)| is_asked(of)).collect();
+    let estimate = |(i, of): (usize, &Column)| at.get(i).copied().unwrap_or(0.0) * of.scale;
+    let in_units =
+        |(i, a): (usize, &Column), (j, b): (usize, &Column)| covariance[(i, j)] * a.scale * b.scale;
+    let mut ties = Vec::new();
+    for (k, &first) in asked.iter().enumerate() {
+        for &second in &asked[k + 1..] {
+            let variances = [in_units(first, first), in_units(second, second)];
+            let ratio = -in_units(first, second) / variances[1];
+            let variance = (variances[0] + ratio * in_units(first, second)).max(0.0);
+            let least = TIED * TIED * variance;
+            if variances[0] > least && ratio * ratio * variances[1] > least {
+                ties.push(Tie {
+                    parameters: [first, second].map(|(_, of)| (of.group.to_owned(), of.name.clone())),
+                    unit: first.1.unit.to_owned(),
+                    ratio,
+                    value: estimate(first) + ratio * estimate(second),
+                    stddev: variance.sqrt(),
+                    stddevs: variances.map(f64::sqrt),
+                });
             }
         }
-        self.ties = ties;
     }
+    ties
 }
 
-impl Refit<'_> {
-    /// Pairs of parameters of these effects of which a combination is known at least [`TIED`] times as well as either, as the
-    /// covariance of fitted values says. Amplitudes of an effect that took no part in the fit are asked about as well: that they
-    /// were not needed does not mean that they are zero.
-    pub fn ties(
-        &self,
-        recordings: &[Recording],
-        fitted: &Fitted,
-        effects: &[&'static dyn Effect],
-        options: &Options,
-    ) -> Result<Vec<Tie>, DiagnosisError> {
-        let mut wide =
-            Refit { reference: self.reference, columns: self.columns.clone(), stddevs: self.stddevs.clone() };
-        // Constants of the platform are not effects of the model.
-        let effects = || effects.iter().filter(|effect| !effect.is_base());
-        effects().for_each(|effect| wide.add_amplitudes(*effect));
-        let is_of_effect = |column: &Column| effects().any(|effect| effect.info().id == column.group);
-        let of_effects: Vec<usize> =
-            (0..wide.columns.len()).filter(|i| is_of_effect(&wide.columns[*i])).collect();
-        let covariance = if wide.columns.len() == self.columns.len() {
-            fitted.covariance.clone()
-        } else {
-            let mut start = fitted.at.clone();
-            start.resize(wide.columns.len(), 0.0);
-            let settings = Settings { threads: options.threads, ..Settings::default() };
-            wide.likeliest(recordings, &[start], Rival::NONE, &settings)?.covariance
-        };
-        let estimate = |i: usize| fitted.at.get(i).copied().unwrap_or(0.0) * wide.columns[i].scale;
-        let mut ties = Vec::new();
-        for (k, &i) in of_effects.iter().enumerate() {
-            for &j in &of_effects[k + 1..] {
-                let (first, second) = (&wide.columns[i], &wide.columns[j]);
-                let in_units =
-                    |a: usize, b: usize| covariance[(a, b)] * wide.columns[a].scale * wide.columns[b].scale;
-                let variances = [in_units(i, i), in_units(j, j)];
-                let ratio = -in_units(i, j) / variances[1];
-                let variance = (variances[0] + ratio * in_units(i, j)).max(0.0);
-                let is_tied = variances[0] > TIED * TIED * variance
-                    && ratio * ratio * variances[1] > TIED * TIED * variance;
-                if is_tied {
-                    ties.push(Tie {
-                        parameters: [first, second].map(|c| (c.group.to_owned(), c.name.clone())),
-                        unit: first.unit.to_owned(),
-                        ratio,
-                        value: estimate(i) + ratio * estimate(j),
-                        stddev: variance.sqrt(),
-                        stddevs: variances.map(f64::sqrt),
-                    });
-                }
-            }
-        }
-        Ok(ties)
-    }
-
-    /// Adds the amplitudes of an effect that are not among the parameters, as large as those that are.
-    fn add_amplitudes(&mut self, effect: &'static dyn Effect) {
-        let specs = effect.parameters(&self.reference.model);
-        let own = |column: &Column| column.group == effect.info().id;
-        let sizes = self.columns.iter().zip(&self.stddevs).filter(|(column, _)| own(column));
-        let size = sizes.map(|(column, stddev)| stddev / column.catalogue_stddev).fold(1.0, f64::max);
-        for column in self.reference.parameter_columns(effect) {
-            let is_amplitude = specs.get(column.index).is_some_and(|spec| spec.role == Role::Amplitude);
-            if is_amplitude && !self.columns.iter().any(|c| own(c) && c.index == column.index) {
-                self.stddevs.push(size * column.catalogue_stddev);
-                self.columns.push(column);
-            }
+/// What is not told apart is left open: of each of the two no more is known than that, also for a fit that comes after, and the
+/// second is in the model, if only with its neutral value.
+pub(crate) fn leave_open(ties: &[Tie], model: &mut PlatformModel, prior: &mut ModelPrior) {
+    for tie in ties {
+        for ((effect, name), stddev) in tie.parameters.iter().zip(tie.stddevs) {
+            let specs = find(effect).map(|of| of.parameters(model)).unwrap_or_default();
+            let neutral = specs.iter().find(|spec| spec.name == *name).map_or(0.0, |spec| spec.neutral);
+            model.effects.entry(effect.clone()).or_default().entry(name.clone()).or_insert(neutral);
+            let known = prior.effects.entry(effect.clone()).or_default().entry(name.clone());
+            known.and_modify(|known| *known = known.max(stddev)).or_insert(stddev);
         }
     }
 }

@@ -7,5 +7,4 @@ mod generator;
 mod history;
 mod located;
 mod refits;
-mod tied;
 mod trends;

@@ -17,8 +17,6 @@ pub struct Manoeuvre {
     /// A jet of each pair pulses every so often [s]; 0: never.
     pub jet_period_s: f64,
     pub rate_rad_s: Vector3<f64>,
-    /// Roll and pitch at the start \[rad\].
-    pub tilt_rad: [f64; 2],
 }
 
 impl Default for Manoeuvre {
@@ -30,7 +28,6 @@ impl Default for Manoeuvre {
             yaw_swing_n_m: 0.0,
             jet_period_s: 2.0,
             rate_rad_s: Vector3::new(0.01, -0.01, 0.05),
-            tilt_rad: [0.05, -0.02],
         }
     }
 }
@@ -48,7 +45,7 @@ pub fn platform() -> PlatformModel {
 /// Runs the manoeuvre on a plant and records it at 100 Hz, vector at 10 Hz.
 pub fn record(truth: &PlatformModel, manoeuvre: &Manoeuvre) -> Recording {
     let start = InitialState {
-        q_world_body: UnitQuaternion::from_euler_angles(manoeuvre.tilt_rad[0], manoeuvre.tilt_rad[1], 0.4),
+        q_world_body: UnitQuaternion::from_euler_angles(0.05, -0.02, 0.4),
         omega_wb_b_rad_s: manoeuvre.rate_rad_s,
         wheel_speed_rad_s: vec![20.0, -30.0, 40.0],
         ..InitialState::default()

@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use whorl_math::GrowingCurve;
 use whorl_math::statistics::chi_squared_quantile;
+use whorl_math::{GrowingCurve, three_digits};
 use whorl_prediction::{AheadError, Noise, Prepared};
 use whorl_recording::{Channel, Component, Form};
 
-use super::{PredictionError, ahead};
+use super::PredictionError;
 use crate::remarks::MOVES;
 
 /// Error of one channel at one horizon.
@@ -232,5 +232,15 @@ impl<'a> Errors<'a> {
             overlays.extend(column.overlay);
         }
         (channels, overlays, Some(self.together).filter(|together| together.numbers > 0))
+    }
+}
+
+/// A horizon in seconds: 10 and not 10.0, 2.5 of a run of 9.995 s.
+#[must_use]
+pub fn ahead(horizon_s: f64) -> String {
+    let text = three_digits(horizon_s);
+    match text.split_once('.') {
+        Some(_) if !text.contains('e') => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        _ => text,
     }
 }

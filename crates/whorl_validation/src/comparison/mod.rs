@@ -6,12 +6,12 @@ mod white;
 mod whiteness;
 mod words;
 
-pub use channels::{ChannelErrors, HorizonError, Overlay};
+pub use channels::{ChannelErrors, HorizonError, Overlay, ahead};
 pub use verdict::{Absolute, PredictionError, Unexplained};
 pub use white::White;
 pub use whiteness::{InputCorrelation, Whiteness};
 pub use whorl_recording::Channel;
-pub use words::{SMALL_ERROR, ahead};
+pub use words::SMALL_ERROR;
 
 use serde::Serialize;
 use whorl_dynamics::PlatformModel;

@@ -4,7 +4,7 @@ use std::fmt;
 
 use whorl_math::three_digits;
 
-use super::{ChannelErrors, Comparison, Unexplained, white};
+use super::{ChannelErrors, Comparison, Unexplained, ahead, white};
 
 /// Largest ratio to the predicted deviation at which a channel counts as explained.
 const EXPLAINED: f64 = 1.1;
@@ -137,16 +137,6 @@ impl fmt::Display for Unexplained {
         let motors = self.motors_n_m.iter().filter(|(_, stddev)| *stddev > least);
         parts.extend(motors.map(|(name, stddev)| format!("{} mN m of {name}'s motor", milli(stddev))));
         write!(f, "{} (standard deviation)", parts.join("; "))
-    }
-}
-
-/// A horizon in seconds: 10 and not 10.0, 2.5 of a run of 9.995 s.
-#[must_use]
-pub fn ahead(horizon_s: f64) -> String {
-    let text = three_digits(horizon_s);
-    match text.split_once('.') {
-        Some(_) if !text.contains('e') => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
-        _ => text,
     }
 }
 
