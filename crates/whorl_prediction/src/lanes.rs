@@ -441,12 +441,8 @@ impl<const W: usize> NullaryFnOnce for Grow<'_, W> {
         for i in 0..moving {
             let mut sum = across[i];
             add_rows(&mut sum, transition.row(i), across);
-            for k in 0..moving {
-                p[i][k] = sum[k];
-            }
-            for k in moving..W {
-                p[i][k] = behind[i][k];
-            }
+            p[i][..moving].copy_from_slice(&sum[..moving]);
+            p[i][moving..].copy_from_slice(&behind[i][moving..]);
         }
         for i in moving..p.len() {
             for k in 0..moving {
