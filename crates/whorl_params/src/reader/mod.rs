@@ -208,10 +208,10 @@ impl<'a> Reader<'a> {
         Ok(self.descriptors)
     }
 
-    /// Whether anything was asked of the group that a key stands in.
+    /// Whether anything was asked of the group that a key stands in, be it itself as a value.
     fn has_asked_beside(&self, key: &str) -> bool {
         let Some((group, _)) = key.rsplit_once('.') else { return true };
-        self.known_below(group).next().is_some()
+        self.known.contains(group) || self.known_below(group).next().is_some()
     }
 
     /// Known keys of the group that a key stands in.
