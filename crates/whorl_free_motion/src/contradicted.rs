@@ -1,14 +1,12 @@
 //! What the filter does where its sensors contradict each other.
 
 use super::FreeMotionFilter;
-use super::covariance::{ATTITUDE, FIELD, FORCE_BIAS, GYRO_BIAS, POSITION, VELOCITY};
+use super::covariance::{ATTITUDE, FIELD, FORCE_BIAS, GYRO_BIAS, POSITION, UNKNOWN_RAD, VELOCITY};
 use super::still_field::Verdict;
 use nalgebra::Vector3;
 
 /// A steady rate that is off the bias by so many standard deviations is a turn.
 const BIAS_SIGMAS: f64 = 4.0;
-/// Standard deviation of a heading that nothing is known of: a uniform distribution over the whole turn \[rad\].
-pub(super) const UNKNOWN_RAD: f64 = 1.8;
 /// How wrong an inclination is, about, that a wrong accelerometer corrected until it was found \[rad\].
 const WRONG_FORCE_RAD: f64 = 0.3;
 

@@ -3,6 +3,9 @@
 use nalgebra::{Matrix1, Matrix3, SMatrix, SVector, Vector3};
 use whorl_math::covariance;
 
+/// Standard deviation of a heading that nothing is known of: a uniform distribution over the whole turn \[rad\].
+pub(super) const UNKNOWN_RAD: f64 = 1.8;
+
 pub(super) const STATES: usize = 30;
 /// Rotation vector, world axes \[rad\].
 pub(super) const ATTITUDE: usize = 0;

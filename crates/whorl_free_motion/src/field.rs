@@ -2,8 +2,7 @@
 
 use super::FreeMotionFilter;
 use super::anchor::Anchor;
-use super::contradicted::UNKNOWN_RAD;
-use super::covariance::{ATTITUDE, FIELD, IRON, Row, STATES, update};
+use super::covariance::{ATTITUDE, FIELD, IRON, Row, STATES, UNKNOWN_RAD, update};
 use super::filter::{Start, rotation_about_z};
 use nalgebra::{Vector2, Vector3};
 

@@ -3,10 +3,9 @@
 use super::FreeMotionParameters;
 use super::anchor::Anchor;
 use super::clipping::Clipping;
-use super::contradicted::UNKNOWN_RAD;
 use super::covariance::{
-    ATTITUDE, Covariance, FIELD, FORCE_BIAS, GYRO_BIAS, GYRO_MATRIX, IRON, Interval, POSITION, Row, VELOCITY,
-    propagate, update,
+    ATTITUDE, Covariance, FIELD, FORCE_BIAS, GYRO_BIAS, GYRO_MATRIX, IRON, Interval, POSITION, Row,
+    UNKNOWN_RAD, VELOCITY, propagate, update,
 };
 use super::rest::RestDetector;
 use super::still_field::StillField;

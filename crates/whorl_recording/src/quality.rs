@@ -9,6 +9,7 @@ use whorl_math::statistics::median;
 use crate::error::RecordingError;
 use crate::recording::{Mounting, Recording};
 use crate::series::Series;
+use crate::truth::truth_contradiction;
 
 /// Runs with fewer readings hold too little.
 const FEW_READINGS: usize = 200;
@@ -222,7 +223,7 @@ impl Recording {
             ));
         }
         found.extend(self.contradictions(model));
-        found.extend(self.truth_contradiction().map(|said| format!("{said}.")));
+        found.extend(truth_contradiction(self).map(|said| format!("{said}.")));
         if model.is_none_or(|model| model.freedom.has_weight()) {
             let upright = model.is_none_or(|model| model.freedom.hinge_axis_b().is_none());
             if self.has_whole_accelerometer() {

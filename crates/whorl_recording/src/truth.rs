@@ -87,27 +87,25 @@ impl TruthCheck {
     }
 }
 
-impl Recording {
-    /// Why the true attitude of the recording is none, if so.
-    pub(crate) fn truth_contradiction(&self) -> Option<String> {
-        let truth = &self.truth.as_ref()?.q_world_body;
-        if !self.has_whole_gyro() {
-            return None;
-        }
-        let (mut check, mut next) = (TruthCheck::default(), 0);
-        for (time_s, rate) in self.gyro_b_rad_s.time_s.iter().zip(&self.gyro_b_rad_s.value) {
-            check.add_gyro(*time_s, rate);
-            // The latest attitude up to here.
-            let first = next;
-            while truth.time_s.get(next).is_some_and(|t| t <= time_s) {
-                next += 1;
-            }
-            if let Some(q) = truth.value.get(next.saturating_sub(1)).filter(|_| next > first) {
-                check.add_attitude(q);
-            }
-        }
-        check.contradiction()
+/// Why the true attitude of a recording is none, if so.
+pub(crate) fn truth_contradiction(recording: &Recording) -> Option<String> {
+    let truth = &recording.truth.as_ref()?.q_world_body;
+    if !recording.has_whole_gyro() {
+        return None;
     }
+    let (mut check, mut next) = (TruthCheck::default(), 0);
+    for (time_s, rate) in recording.gyro_b_rad_s.time_s.iter().zip(&recording.gyro_b_rad_s.value) {
+        check.add_gyro(*time_s, rate);
+        // The latest attitude up to here.
+        let first = next;
+        while truth.time_s.get(next).is_some_and(|t| t <= time_s) {
+            next += 1;
+        }
+        if let Some(q) = truth.value.get(next.saturating_sub(1)).filter(|_| next > first) {
+            check.add_attitude(q);
+        }
+    }
+    check.contradiction()
 }
 
 #[cfg(test)]
