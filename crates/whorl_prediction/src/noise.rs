@@ -52,6 +52,24 @@ impl Disturbance {
         self.processes().next().is_some() || self.motors() > 0
     }
 
+    /// The same with all standard deviations larger by a factor.
+    pub(crate) fn scaled(&self, factor: f64) -> Self {
+        let body = self
+            .body
+            .iter()
+            .map(|of| RandomTorque { stddev_b_n_m: of.stddev_b_n_m.map(|x| x * factor), ..*of });
+        let motors = self.motors_n_m.iter().map(|x| x * factor);
+        Self { body: body.collect(), motors_n_m: motors.collect(), ..*self }
+    }
+
+    /// Without processes that push nothing.
+    pub(crate) fn forget_silent(&mut self) {
+        self.body.retain(|of| of.stddev_b_n_m.iter().any(|x| *x > 0.0));
+        if self.motors() == 0 {
+            self.motors_n_m.clear();
+        }
+    }
+
     /// Those that push the body at all.
     pub(crate) fn processes(&self) -> impl Iterator<Item = &RandomTorque> + Clone {
         self.body.iter().filter(|process| process.stddev_b_n_m.iter().any(|x| *x > 0.0))

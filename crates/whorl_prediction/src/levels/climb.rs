@@ -1,0 +1,151 @@
+//! Levels with which a run is likeliest, by Newton's steps in the logarithms of their variances.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use super::list::{Level, Levels};
+use super::scores::Scores;
+use super::trail::Trail;
+use crate::noise::Noise;
+use crate::prepared::Prepared;
+use crate::settings::Settings;
+use crate::start::Start;
+
+/// A variance changes by this factor at most in a step.
+const LARGEST_STEP: f64 = 100.0;
+/// What is tried of a step that makes the run less likely as a whole.
+const SHARES_OF_A_STEP: [f64; 3] = [1.0, 0.3, 0.1];
+/// Information on the logarithm of a variance of which nothing is known: a step then changes a level by a factor of ten or so.
+const LEAST_INFORMATION: f64 = 0.05;
+
+/// Levels, and how likely a run or its first part is with them.
+pub(super) struct Climbed {
+    pub noise: Noise,
+    pub start: Start,
+    /// log p of the part, and how many instants it has.
+    pub log: f64,
+    pub instants: usize,
+}
+
+/// Climbs from levels on over the first so many instants; `None` where the motion is lost with them.
+pub(super) fn climb(
+    case: &Prepared<'_>,
+    stated: &Noise,
+    noise: Noise,
+    start: &Start,
+    most: usize,
+) -> Option<Climbed> {
+    let settings = case.settings();
+    let mut here = Place::of(case, stated, noise, start, most)?;
+    for _ in 0..settings.level_steps {
+        let levels = Levels::of(case, &here.noise);
+        let scores = Scores::of(&here.trail, &levels, &here.noise);
+        if let Some(quieter) = without_unseen(&levels, &scores, &here.noise, settings) {
+            // What does not show is worth nothing: log p hardly changes.
+            here = Place::of(case, stated, quieter, &here.start, most)?;
+            continue;
+        }
+        let Some(step) = Step::of(&levels, &scores, &here.noise, stated, settings) else { break };
+        if step.gain_nats <= settings.level_stands_nats {
+            break;
+        }
+        let next = SHARES_OF_A_STEP.iter().find_map(|share| {
+            let noise = moved(&here.noise, &levels, &step.by, *share);
+            Place::of(case, stated, noise, &here.start, most).filter(|next| next.objective > here.objective)
+        });
+        let Some(next) = next else { break };
+        here = next;
+    }
+    let (log, instants) = (here.trail.likelihood.log, here.trail.instants.len());
+    Some(Climbed { noise: here.noise, start: here.start, log, instants })
+}
+
+/// Levels on the way.
+struct Place {
+    noise: Noise,
+    start: Start,
+    trail: Trail,
+    /// log p of the part and of the levels.
+    objective: f64,
+}
+
+impl Place {
+    fn of(case: &Prepared<'_>, stated: &Noise, noise: Noise, start: &Start, most: usize) -> Option<Self> {
+        let start = start.with_levels(case, &noise);
+        let trail = Trail::of(case, &noise, &start, most)?;
+        let levels = Levels::of(case, &noise);
+        let prior: f64 = levels.iter().map(|level| log_prior(level, &noise, stated, case.settings())).sum();
+        Some(Self { objective: trail.likelihood.log + prior, noise, start, trail })
+    }
+}
+
+/// A step of the logarithms of variances.
+struct Step {
+    by: DVector<f64>,
+    /// What it gains by gradient and information.
+    gain_nats: f64,
+}
+
+impl Step {
+    /// Of squares A and what is expected of them, B, the step is that of A log(A/B): exact at once where a level makes all of what
+    /// readings show, and Newton's close to the top, where A is B.
+    fn of(
+        levels: &Levels,
+        scores: &Scores,
+        noise: &Noise,
+        stated: &Noise,
+        settings: &Settings,
+    ) -> Option<Self> {
+        let count = levels.count();
+        let (mut slope, mut pull) = (DVector::zeros(count), DVector::zeros(count));
+        let mut information: DMatrix<f64> = scores.information.clone();
+        for (i, level) in levels.iter().enumerate() {
+            let (squares, expected) = (scores.squares[i], scores.expected[i]);
+            let (known, of_prior) = if level.is_torque() {
+                (LEAST_INFORMATION, 0.0)
+            } else {
+                (known(settings), -known(settings) * off(level, noise, stated))
+            };
+            slope[i] = squares - expected + of_prior;
+            pull[i] = squares * (squares / expected).ln() + of_prior;
+            information[(i, i)] += known;
+        }
+        let most = LARGEST_STEP.ln();
+        let by = Cholesky::new(information)?.solve(&pull).map(|x| x.clamp(-most, most));
+        let gain_nats = 0.5 * by.dot(&slope);
+        gain_nats.is_finite().then_some(Self { by, gain_nats })
+    }
+}
+
+/// Without torques whose squares and expectation are both too small to be seen; `None`: all are seen.
+fn without_unseen(levels: &Levels, scores: &Scores, noise: &Noise, settings: &Settings) -> Option<Noise> {
+    let mut quieter = noise.clone();
+    for (i, level) in levels.iter().enumerate().filter(|(_, level)| level.is_torque()) {
+        if scores.squares[i].max(scores.expected[i]) < settings.level_seen_nats {
+            level.set(&mut quieter, 0.0);
+        }
+    }
+    quieter.disturbance.forget_silent();
+    (quieter != *noise).then_some(quieter)
+}
+
+fn moved(noise: &Noise, levels: &Levels, by: &DVector<f64>, share: f64) -> Noise {
+    let mut moved = noise.clone();
+    for (level, by) in levels.iter().zip(by.iter()) {
+        level.set(&mut moved, level.stddev(noise) * (0.5 * share * by).exp());
+    }
+    moved
+}
+
+/// Information that a stated level of a reading is, on the logarithm of its variance.
+fn known(settings: &Settings) -> f64 {
+    0.25 * settings.stated_noise_factor.ln().powi(-2)
+}
+
+/// How far a level is from the stated one, as the logarithm of their variances' ratio.
+fn off(level: Level, noise: &Noise, stated: &Noise) -> f64 {
+    2.0 * (level.stddev(noise) / level.stddev(stated)).ln()
+}
+
+fn log_prior(level: Level, noise: &Noise, stated: &Noise, settings: &Settings) -> f64 {
+    if level.is_torque() { 0.0 } else { -0.5 * known(settings) * off(level, noise, stated).powi(2) }
+}

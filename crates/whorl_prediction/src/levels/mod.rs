@@ -1,0 +1,216 @@
+//! How noisy the readings are, and how large what pushes the platform besides its model: levels that the run shows.
+//!
+//! They are parameters as others are: log p has a gradient by each and an information ([`scores`]), and steps of all at once lead to
+//! the top ([`climb`]), from torques of the likeliest of sizes that are decades apart.
+
+mod climb;
+mod list;
+mod scores;
+mod trail;
+
+#[cfg(test)]
+mod tests;
+
+use whorl_recording::Channel;
+
+use crate::filter::Filter;
+use crate::fitted::{FittedStart, fitted_start_near, fitted_start_within};
+use crate::guess::fastest_change;
+use crate::likelihood::Likelihood;
+use crate::noise::{Disturbance, Noise, RandomTorque};
+use crate::prepared::Prepared;
+use crate::start::Start;
+
+use climb::climb;
+pub(crate) use trail::Trail;
+
+/// Sizes of torques that levels begin with, each a tenth of the one before: from what makes the fastest motion within a second to far below a
+/// sensor's noise.
+const SIZES: i32 = 7;
+/// Parts of a run over which levels are found, each so many times as long as the one before.
+const LONGER: usize = 4;
+/// Disturbances are surely there if they make a run likelier by so many times what they must: what a fit on its way need not ask again.
+const SURELY: f64 = 3.0;
+
+/// A run as its filter follows it best: with the levels that it shows, and the start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Followed {
+    /// Levels of readings and disturbance.
+    pub noise: Noise,
+    /// The start with them.
+    pub fitted: FittedStart,
+    /// The model without disturbances, with the same noise of readings, from the start that it shows.
+    pub undisturbed: FittedStart,
+    /// How likely it makes the run.
+    pub undisturbed_likelihood: Likelihood,
+    /// By how much disturbances make the run likelier [natural logarithm].
+    pub gain_nats: f64,
+}
+
+impl Followed {
+    /// log p of the run with these levels [natural logarithm].
+    #[must_use]
+    pub fn log_likelihood(&self) -> f64 {
+        let gained = if self.noise.disturbance.is_some() { self.gain_nats } else { 0.0 };
+        self.undisturbed_likelihood.log + gained
+    }
+
+    /// The same by the model without disturbances.
+    #[must_use]
+    pub(crate) fn without_disturbance(&self) -> Self {
+        Self {
+            noise: self.undisturbed_noise(),
+            fitted: self.undisturbed.clone(),
+            gain_nats: 0.0,
+            ..self.clone()
+        }
+    }
+
+    /// The noise without disturbances.
+    #[must_use]
+    pub fn undisturbed_noise(&self) -> Noise {
+        Noise { disturbance: Disturbance::NONE, ..self.noise.clone() }
+    }
+}
+
+/// Follows a run with the levels that it shows, beginning with the stated ones.
+#[must_use]
+pub fn follow(case: &Prepared<'_>, stated: &Noise) -> Followed {
+    let settings = case.settings();
+    let loud = Noise { disturbance: first_guess(case), ..stated.clone() };
+    let fitted = fitted_start_within(case, &loud, settings.level_start_instants);
+    let (noise, fitted) = roughly(case, stated, &loud, fitted);
+    let part = settings.level_first_instants.saturating_mul(LONGER);
+    judged(case, climbed(case, stated, noise, fitted, part), None)
+}
+
+/// The same with a model close by, or a better one, than the one with which the run was followed before: where that one needed no disturbances, this one
+/// does not.
+#[must_use]
+pub fn follow_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> Followed {
+    if !before.fitted.start.is_of(case) {
+        return follow(case, stated);
+    }
+    if before.noise.disturbance.is_some() {
+        return judged(case, climbed_again(case, stated, before), None);
+    }
+    let (noise, fitted) = (before.noise.clone(), &before.fitted);
+    let noise =
+        climb(case, stated, noise.clone(), &fitted.start, usize::MAX).map_or(noise, |found| found.noise);
+    let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &noise, fitted);
+    Followed { noise, fitted: undisturbed.clone(), undisturbed, undisturbed_likelihood, gain_nats: 0.0 }
+}
+
+/// The same on the way of a fit, which asks for the model without disturbances at its end alone: while it is far from explaining the
+/// run, what was known of it before stands.
+#[must_use]
+pub(crate) fn follow_on(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> Followed {
+    if !before.fitted.start.is_of(case) || !before.noise.disturbance.is_some() {
+        return follow_again(case, stated, before);
+    }
+    judged(case, climbed_again(case, stated, before), Some(before))
+}
+
+/// The same with what the model without disturbances makes of the run by now.
+#[must_use]
+pub(crate) fn judged_again(case: &Prepared<'_>, followed: &Followed) -> Followed {
+    if !followed.noise.disturbance.is_some() {
+        return followed.clone();
+    }
+    let known = (followed.noise.clone(), followed.fitted.clone(), followed.log_likelihood());
+    judged(case, known, None)
+}
+
+/// Levels and start by the first part of a run: of torques of all sizes the likeliest, from there the likeliest levels, and with these the start.
+fn roughly(case: &Prepared<'_>, stated: &Noise, loud: &Noise, fitted: FittedStart) -> (Noise, FittedStart) {
+    let settings = case.settings();
+    let part = settings.level_first_instants;
+    let sizes =
+        (0..SIZES).map(|k| Noise { disturbance: loud.disturbance.scaled(0.1_f64.powi(k)), ..loud.clone() });
+    let tried = sizes.map(|noise| (log_of(case, &noise, &fitted.start, part), noise));
+    let best = tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(|| loud.clone(), |(_, noise)| noise);
+    let noise = climb(case, stated, best.clone(), &fitted.start, part).map_or(best, |found| found.noise);
+    let fitted = fitted_start_within(case, &noise, settings.level_start_instants);
+    (noise, fitted)
+}
+
+/// The same from levels that were found with a model close by.
+fn climbed_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> (Noise, FittedStart, f64) {
+    climbed(case, stated, before.noise.clone(), before.fitted.clone(), case.instants())
+}
+
+/// The likeliest levels of a run from these on, by longer and longer parts of it from one of so many instants, and how likely it is: not
+/// at all where its motion is lost.
+fn climbed(
+    case: &Prepared<'_>,
+    stated: &Noise,
+    mut noise: Noise,
+    mut fitted: FittedStart,
+    mut part: usize,
+) -> (Noise, FittedStart, f64) {
+    loop {
+        let Some(found) = climb(case, stated, noise.clone(), &fitted.start, part) else {
+            return (noise, fitted, f64::NEG_INFINITY);
+        };
+        let is_all = found.instants < part || part >= case.instants();
+        fitted.covariance = found.start.embedded(&fitted.covariance, fitted.start.layout);
+        (noise, fitted.start) = (found.noise, found.start);
+        if is_all {
+            // Of a run that fills the memory only the first part was looked at.
+            let log = if found.instants < part {
+                log_of(case, &noise, &fitted.start, usize::MAX)
+            } else {
+                found.log
+            };
+            return (noise, fitted, log);
+        }
+        part = part.saturating_mul(LONGER);
+    }
+}
+
+/// With disturbances if these make the run likelier by what they must.
+fn judged(
+    case: &Prepared<'_>,
+    (noise, fitted, log): (Noise, FittedStart, f64),
+    before: Option<&Followed>,
+) -> Followed {
+    let needed = case.settings().level_needed_nats;
+    if let Some(before) = before.filter(|before| log - before.undisturbed_likelihood.log > SURELY * needed) {
+        let gain_nats = log - before.undisturbed_likelihood.log;
+        return Followed { noise, fitted, gain_nats, ..before.clone() };
+    }
+    let without = Noise { disturbance: Disturbance::NONE, ..noise.clone() };
+    let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &without, &fitted);
+    let gain_nats = log - undisturbed_likelihood.log;
+    let (noise, fitted) = if gain_nats > needed && noise.disturbance.is_some() {
+        (noise, fitted)
+    } else {
+        (without, undisturbed.clone())
+    };
+    Followed { noise, fitted, undisturbed, undisturbed_likelihood, gain_nats }
+}
+
+/// log p of the first so many instants of a run.
+fn log_of(case: &Prepared<'_>, noise: &Noise, start: &Start, most: usize) -> f64 {
+    let start = start.with_levels(case, noise);
+    let mut filter = Filter::new(case, noise, &start).about_known_biases(&start);
+    let (mut taken, mut likelihood) = (0, Likelihood::begun(filter.log_known));
+    while taken < most && filter.step(&mut |innovation| likelihood.add(innovation)) {
+        taken += 1;
+    }
+    let is_lost = filter.is_lost() || !likelihood.log.is_finite();
+    if is_lost { f64::NEG_INFINITY } else { likelihood.log }
+}
+
+/// Torques so large that they make the fastest motion of the run within a second.
+fn first_guess(case: &Prepared<'_>) -> Disturbance {
+    let (body, wheels) = fastest_change(case);
+    // Where no speed is a reading, no motor shows.
+    let shown = case.tracks().iter().any(|track| track.channel == Channel::WheelSpeed);
+    let times_s = case.settings().disturbance_correlations_s;
+    Disturbance {
+        body: times_s.map(|correlation_s| RandomTorque { stddev_b_n_m: [body; 3], correlation_s }).to_vec(),
+        motors_n_m: if shown { wheels } else { Vec::new() },
+        motors_correlation_s: case.settings().motors_correlation_s,
+    }
+}
