@@ -86,6 +86,12 @@ impl Disturbance {
         if self.motors_n_m.iter().any(|x| *x > 0.0) { self.motors_n_m.len() } else { 0 }
     }
 
+    /// How many standard deviations there are that are not zero.
+    pub(crate) fn count(&self) -> usize {
+        let all = self.body.iter().flat_map(|of| &of.stddev_b_n_m).chain(&self.motors_n_m);
+        all.filter(|stddev| **stddev > 0.0).count()
+    }
+
     /// Coordinates of a layout that are torques of it, each with its standard deviation [N m].
     pub(crate) fn coordinates(&self, layout: Layout) -> impl Iterator<Item = (usize, f64)> + Clone + '_ {
         let body = layout.disturbance().zip(self.processes().flat_map(|of| of.stddev_b_n_m));

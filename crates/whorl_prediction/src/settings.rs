@@ -84,9 +84,9 @@ settings! {
     /// A random torque is not seen where what readings show of it, and what they would on average, is less than this (natural logarithm):
     /// without it the run is as likely.
     level_seen_nats: f64 = 0.25;
-    /// Disturbances are there if they make the run likelier by more than this: half the 99.9 % quantile of a chi-squared
-    /// variable of twelve degrees, three torques about each body axis and three wheels.
-    level_needed_nats: f64 = 16.5;
+    /// Disturbances are there if they make a run likelier than chance does in 999 of 1000: by half the quantile of a chi-squared variable with
+    /// as many degrees as there are torques that show, which is this many deviations of a normal variable.
+    level_needed_deviations: f64 = 3.09;
     /// Factor by which a stated noise may be off, one standard deviation. An assumption: data sheets give typical values, and the
     /// bandwidth that is set changes them. It counts only where there are few readings.
     stated_noise_factor: f64 = 1.5;

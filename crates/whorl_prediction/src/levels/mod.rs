@@ -174,7 +174,7 @@ fn judged(
     (noise, fitted, log): (Noise, FittedStart, f64),
     before: Option<&Followed>,
 ) -> Followed {
-    let needed = case.settings().level_needed_nats;
+    let needed = by_chance_nats(noise.disturbance.count(), case.settings().level_needed_deviations);
     if let Some(before) = before.filter(|before| log - before.undisturbed_likelihood.log > SURELY * needed) {
         let gain_nats = log - before.undisturbed_likelihood.log;
         return Followed { noise, fitted, gain_nats, ..before.clone() };
@@ -188,6 +188,14 @@ fn judged(
         (without, undisturbed.clone())
     };
     Followed { noise, fitted, undisturbed, undisturbed_likelihood, gain_nats }
+}
+
+/// By how much more parameters make data likelier that need none of them, at so many deviations of a normal variable: half a chi-squared variable,
+/// whose cube root is nearly normal (E. B. Wilson, M. M. Hilferty, *PNAS* 17 (1931) 684).
+fn by_chance_nats(parameters: usize, deviations: f64) -> f64 {
+    let degrees = parameters.max(1) as f64;
+    let spread = 2.0 / (9.0 * degrees);
+    0.5 * degrees * (1.0 - spread + deviations * spread.sqrt()).powi(3)
 }
 
 /// log p of the first so many instants of a run.

@@ -72,3 +72,12 @@ fn gradients_by_levels_are_differences_of_log_p() {
     assert!((information - information.transpose()).amax() < 1e-12 * information.amax());
     assert!(nalgebra::Cholesky::new(information.clone()).is_some());
 }
+
+/// Tables of the distribution: 99.9 % quantiles of chi-squared.
+#[test]
+fn what_chance_brings_is_half_the_quantile_of_the_table() {
+    for (degrees, quantile) in [(1, 10.828), (2, 13.816), (6, 22.458), (12, 32.909)] {
+        let found = by_chance_nats(degrees, 3.0902);
+        assert!((found - 0.5 * quantile).abs() < 0.02 * quantile, "{degrees}: {found}");
+    }
+}
