@@ -62,6 +62,19 @@ impl Disturbance {
         Self { body: body.collect(), motors_n_m: motors.collect(), ..*self }
     }
 
+    /// With processes of all these correlation times \[s\], each about each axis this share of the largest about it at least.
+    pub(crate) fn spread(&self, times_s: &[f64], share: f64) -> Self {
+        let most = [0, 1, 2].map(|axis| self.body.iter().map(|of| of.stddev_b_n_m[axis]).fold(0.0, f64::max));
+        let of_time = |correlation_s: &f64| {
+            let now = self.body.iter().find(|of| of.correlation_s == *correlation_s);
+            let stddev = |axis: usize| now.map_or(0.0, |of| of.stddev_b_n_m[axis]).max(share * most[axis]);
+            RandomTorque { stddev_b_n_m: [0, 1, 2].map(stddev), correlation_s: *correlation_s }
+        };
+        let mut spread = Self { body: times_s.iter().map(of_time).collect(), ..self.clone() };
+        spread.forget_silent();
+        spread
+    }
+
     /// Without processes that push nothing.
     pub(crate) fn forget_silent(&mut self) {
         self.body.retain(|of| of.stddev_b_n_m.iter().any(|x| *x > 0.0));

@@ -70,10 +70,11 @@ impl Problem<'_> {
         })
     }
 
-    /// The same with what the model without disturbances makes of each there.
+    /// The same at the end of a fit.
     pub fn judged_again(&self, iterate: &Iterate) -> Result<Iterate, PredictionError> {
-        let followed =
-            self.each_case(&iterate.at, |case, run| Ok(judged_again(case, &iterate.followed[run])))?;
+        let followed = self.each_case(&iterate.at, |case, run| {
+            Ok(judged_again(case, &Noise::stated(case)?, &iterate.followed[run]))
+        })?;
         let log_posterior = self.log_posterior(&iterate.at, &followed);
         Ok(Iterate { at: iterate.at.clone(), log_posterior, followed })
     }

@@ -95,8 +95,8 @@ impl Problem<'_> {
                 best.stands = is_top && best.information.is_some();
                 break;
             }
-            for (run, start) in levels.followed.iter_mut().zip(starts) {
-                run.fitted.start = start;
+            for (run, (start, own)) in levels.followed.iter_mut().zip(starts) {
+                (run.fitted.start, run.fitted.covariance) = (start, own);
             }
             let Ok(followed) = self.followed(&at, Some(&levels.followed)) else { break };
             let with_old_levels = passes.log_likelihood() + self.log_prior(&at);

@@ -51,17 +51,23 @@ impl Sparse {
         self.ends.extend(other.ends.iter().map(|end| before + end));
     }
 
-    /// Columns as rows, of a square matrix.
-    #[must_use]
-    pub fn transposed(&self) -> Self {
-        let mut rows = vec![Vec::new(); self.count()];
-        self.entries().for_each(|(i, k, x)| rows[k].push((i, x)));
-        let mut transposed = Self::default();
-        for row in rows {
-            transposed.entries.extend(row);
-            transposed.end_row();
+    /// Becomes another's columns as rows, of a square matrix.
+    pub fn transpose(&mut self, of: &Self) {
+        self.clear();
+        self.ends.resize(of.count(), 0);
+        // How many entries each row has, then where the next of each goes; behind the last of them it ends.
+        of.entries.iter().for_each(|(k, _)| self.ends[*k] += 1);
+        let mut begin = 0;
+        for end in &mut self.ends {
+            let count = *end;
+            *end = begin;
+            begin += count;
         }
-        transposed
+        self.entries.resize(begin, (0, 0.0));
+        for (i, k, x) in of.entries() {
+            self.entries[self.ends[k]] = (i, x);
+            self.ends[k] += 1;
+        }
     }
 
     /// How many entries there are.

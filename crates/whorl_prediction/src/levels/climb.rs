@@ -14,6 +14,8 @@ use crate::start::Start;
 const LARGEST_STEP: f64 = 100.0;
 /// What is tried of a step that makes the run less likely as a whole.
 const SHARES_OF_A_STEP: [f64; 3] = [1.0, 0.3, 0.1];
+/// Over a part of a run, from which a longer one sets out, levels stand when a step brings less than so many times what it would have to.
+const ROUGHLY: f64 = 10.0;
 /// Information on the logarithm of a variance of which nothing is known: a step then changes a level by a factor of ten or so.
 const LEAST_INFORMATION: f64 = 0.05;
 
@@ -24,39 +26,52 @@ pub(super) struct Climbed {
     /// log p of the part, and how many instants it has.
     pub log: f64,
     pub instants: usize,
+    /// It is no longer than it is because of the memory that it fills.
+    pub is_cut: bool,
 }
 
-/// Climbs from levels on over the first so many instants; `None` where the motion is lost with them.
+/// Climbs from levels on over the first so many instants; `None` where the motion is lost with them. `forgets`: torques that are not
+/// seen are left out, and never come back.
 pub(super) fn climb(
     case: &Prepared<'_>,
     stated: &Noise,
     noise: Noise,
     start: &Start,
     most: usize,
+    forgets: bool,
 ) -> Option<Climbed> {
     let settings = case.settings();
+    let stands_nats = if forgets { settings.level_stands_nats } else { ROUGHLY * settings.level_stands_nats };
     let mut here = Place::of(case, stated, noise, start, most)?;
     for _ in 0..settings.level_steps {
         let levels = Levels::of(case, &here.noise);
         let scores = Scores::of(&here.trail, &levels, &here.noise);
-        if let Some(quieter) = without_unseen(&levels, &scores, &here.noise, settings) {
-            // What does not show is worth nothing: log p hardly changes.
-            here = Place::of(case, stated, quieter, &here.start, most)?;
-            continue;
-        }
         let Some(step) = Step::of(&levels, &scores, &here.noise, stated, settings) else { break };
-        if step.gain_nats <= settings.level_stands_nats {
+        // What does not show is worth nothing.
+        let unseen = if forgets { levels.unseen(&scores, settings.level_seen_nats) } else { Vec::new() };
+        let shares = if step.gain_nats > stands_nats {
+            &SHARES_OF_A_STEP[..]
+        } else if unseen.is_empty() {
             break;
-        }
-        let next = SHARES_OF_A_STEP.iter().find_map(|share| {
-            let noise = moved(&here.noise, &levels, &step.by, *share);
-            Place::of(case, stated, noise, &here.start, most).filter(|next| next.objective > here.objective)
+        } else {
+            &[0.0]
+        };
+        let least = here.objective - settings.level_seen_nats * unseen.len() as f64;
+        let next = shares.iter().find_map(|share| {
+            let noise = moved(&here.noise, &levels, &step.by, *share, &unseen);
+            Place::of(case, stated, noise, &here.start, most).filter(|next| next.objective > least)
         });
         let Some(next) = next else { break };
         here = next;
     }
-    let (log, instants) = (here.trail.likelihood.log, here.trail.instants.len());
-    Some(Climbed { noise: here.noise, start: here.start, log, instants })
+    let Place { noise, start, trail, .. } = here;
+    Some(Climbed {
+        noise,
+        start,
+        log: trail.likelihood.log,
+        instants: trail.instants.len(),
+        is_cut: trail.is_full(),
+    })
 }
 
 /// Levels on the way.
@@ -110,29 +125,23 @@ impl Step {
             information[(i, i)] += known;
         }
         let most = LARGEST_STEP.ln();
-        let by = Cholesky::new(information)?.solve(&pull).map(|x| x.clamp(-most, most));
+        let solved = Cholesky::new(information)?;
+        let step = |towards: &DVector<f64>| solved.solve(towards).map(|x| x.clamp(-most, most));
+        // Far from the top it may lead down where levels do the same; that of the gradient itself never does.
+        let by = Some(step(&pull)).filter(|by| by.dot(&slope) > 0.0).unwrap_or_else(|| step(&slope));
         let gain_nats = 0.5 * by.dot(&slope);
         gain_nats.is_finite().then_some(Self { by, gain_nats })
     }
 }
 
-/// Without torques whose squares and expectation are both too small to be seen; `None`: all are seen.
-fn without_unseen(levels: &Levels, scores: &Scores, noise: &Noise, settings: &Settings) -> Option<Noise> {
-    let mut quieter = noise.clone();
-    for (i, level) in levels.iter().enumerate().filter(|(_, level)| level.is_torque()) {
-        if scores.squares[i].max(scores.expected[i]) < settings.level_seen_nats {
-            level.set(&mut quieter, 0.0);
-        }
-    }
-    quieter.disturbance.forget_silent();
-    (quieter != *noise).then_some(quieter)
-}
-
-fn moved(noise: &Noise, levels: &Levels, by: &DVector<f64>, share: f64) -> Noise {
+/// The same noise with levels this share of a step further, and without those that are not seen.
+fn moved(noise: &Noise, levels: &Levels, by: &DVector<f64>, share: f64, unseen: &[Level]) -> Noise {
     let mut moved = noise.clone();
     for (level, by) in levels.iter().zip(by.iter()) {
-        level.set(&mut moved, level.stddev(noise) * (0.5 * share * by).exp());
+        let factor = if unseen.contains(&level) { 0.0 } else { (0.5 * share * by).exp() };
+        level.set(&mut moved, level.stddev(noise) * factor);
     }
+    moved.disturbance.forget_silent();
     moved
 }
 

@@ -16,6 +16,7 @@ use whorl_recording::Channel;
 use crate::filter::Filter;
 use crate::fitted::{FittedStart, fitted_start_near, fitted_start_within};
 use crate::guess::fastest_change;
+use crate::known::narrowed;
 use crate::likelihood::Likelihood;
 use crate::noise::{Disturbance, Noise, RandomTorque};
 use crate::prepared::Prepared;
@@ -28,7 +29,9 @@ pub(crate) use trail::Trail;
 /// sensor's noise.
 const SIZES: i32 = 7;
 /// Parts of a run over which levels are found, each so many times as long as the one before.
-const LONGER: usize = 4;
+const LONGER: usize = 6;
+/// What is not seen in a part of a run may show in a longer one: each torque has this share of the largest about its axis again when one begins.
+const LEAST_SHARE: f64 = 0.05;
 /// Disturbances are surely there if they make a run likelier by so many times what they must: what a fit on its way need not ask again.
 const SURELY: f64 = 3.0;
 
@@ -95,8 +98,8 @@ pub fn follow_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> F
         return judged(case, climbed_again(case, stated, before), None);
     }
     let (noise, fitted) = (before.noise.clone(), &before.fitted);
-    let noise =
-        climb(case, stated, noise.clone(), &fitted.start, usize::MAX).map_or(noise, |found| found.noise);
+    let noise = climb(case, stated, noise.clone(), &fitted.start, usize::MAX, true)
+        .map_or(noise, |found| found.noise);
     let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &noise, fitted);
     Followed { noise, fitted: undisturbed.clone(), undisturbed, undisturbed_likelihood, gain_nats: 0.0 }
 }
@@ -111,14 +114,22 @@ pub(crate) fn follow_on(case: &Prepared<'_>, stated: &Noise, before: &Followed) 
     judged(case, climbed_again(case, stated, before), Some(before))
 }
 
-/// The same with what the model without disturbances makes of the run by now.
+/// The same at the end of a fit: with torques of all correlation times again, of which those that a worse model had hidden may show by now, and with what
+/// the model without disturbances makes of the run.
 #[must_use]
-pub(crate) fn judged_again(case: &Prepared<'_>, followed: &Followed) -> Followed {
+pub(crate) fn judged_again(case: &Prepared<'_>, stated: &Noise, followed: &Followed) -> Followed {
     if !followed.noise.disturbance.is_some() {
         return followed.clone();
     }
-    let known = (followed.noise.clone(), followed.fitted.clone(), followed.log_likelihood());
-    judged(case, known, None)
+    let before = climbed_again(case, stated, followed);
+    let again = climbed(case, stated, spread(case, before.0.clone()), before.1.clone(), case.instants());
+    judged(case, if again.2 > before.2 { again } else { before }, None)
+}
+
+/// The same noise with torques of all correlation times.
+fn spread(case: &Prepared<'_>, noise: Noise) -> Noise {
+    let times_s = &case.settings().disturbance_correlations_s;
+    Noise { disturbance: noise.disturbance.spread(times_s, LEAST_SHARE), ..noise }
 }
 
 /// Levels and start by the first part of a run: of torques of all sizes the likeliest, from there the likeliest levels, and with these the start.
@@ -129,14 +140,19 @@ fn roughly(case: &Prepared<'_>, stated: &Noise, loud: &Noise, fitted: FittedStar
         (0..SIZES).map(|k| Noise { disturbance: loud.disturbance.scaled(0.1_f64.powi(k)), ..loud.clone() });
     let tried = sizes.map(|noise| (log_of(case, &noise, &fitted.start, part), noise));
     let best = tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(|| loud.clone(), |(_, noise)| noise);
-    let noise = climb(case, stated, best.clone(), &fitted.start, part).map_or(best, |found| found.noise);
+    let noise =
+        climb(case, stated, best.clone(), &fitted.start, part, false).map_or(best, |found| found.noise);
     let fitted = fitted_start_within(case, &noise, settings.level_start_instants);
-    (noise, fitted)
+    (spread(case, noise), fitted)
 }
 
 /// The same from levels that were found with a model close by.
 fn climbed_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> (Noise, FittedStart, f64) {
-    climbed(case, stated, before.noise.clone(), before.fitted.clone(), case.instants())
+    let (noise, mut fitted) = (before.noise.clone(), before.fitted.clone());
+    // As narrow as the run makes it by now: log p depends on that.
+    let wide = Start::wide(case, &noise).covariance;
+    fitted.start.covariance = narrowed(&wide, &fitted.covariance, case.settings().start_kept);
+    climbed(case, stated, noise, fitted, case.instants())
 }
 
 /// The likeliest levels of a run from these on, by longer and longer parts of it from one of so many instants, and how likely it is: not
@@ -148,23 +164,24 @@ fn climbed(
     mut fitted: FittedStart,
     mut part: usize,
 ) -> (Noise, FittedStart, f64) {
+    let mut is_last = part >= case.instants();
     loop {
-        let Some(found) = climb(case, stated, noise.clone(), &fitted.start, part) else {
+        let Some(found) = climb(case, stated, noise.clone(), &fitted.start, part, is_last) else {
             return (noise, fitted, f64::NEG_INFINITY);
         };
-        let is_all = found.instants < part || part >= case.instants();
         fitted.covariance = found.start.embedded(&fitted.covariance, fitted.start.layout);
         (noise, fitted.start) = (found.noise, found.start);
-        if is_all {
-            // Of a run that fills the memory only the first part was looked at.
-            let log = if found.instants < part {
-                log_of(case, &noise, &fitted.start, usize::MAX)
-            } else {
-                found.log
-            };
+        if is_last {
+            let log = if found.is_cut { log_of(case, &noise, &fitted.start, usize::MAX) } else { found.log };
             return (noise, fitted, log);
         }
-        part = part.saturating_mul(LONGER);
+        // Of a run that fills the memory only the first part is looked at.
+        is_last = found.instants < part;
+        if !is_last {
+            noise = spread(case, noise);
+            part = part.saturating_mul(LONGER);
+            is_last = part >= case.instants();
+        }
     }
 }
 

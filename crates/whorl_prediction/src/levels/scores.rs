@@ -107,7 +107,8 @@ impl Back {
             own: trail.values.iter().map(|value| Own { value: *value, expected: 0.0 }).collect(),
         };
         let (mut n, mut g) = (Lanes::zeros(size, size), vec![0.0; size]);
-        let (mut rows, mut gain, mut moved) = (Sparse::default(), Gain::default(), vec![0.0; size]);
+        let [mut rows, mut transition, mut transposed] = [(); 3].map(|()| Sparse::default());
+        let (mut gain, mut moved) = (Gain::default(), vec![0.0; size]);
         let mut at = [trail.gains.len(), trail.couplings.len(), trail.variances.len()];
         for (k, instant) in trail.instants.iter().enumerate().rev() {
             let (strides, readings) = trail.before(k);
@@ -134,8 +135,9 @@ impl Back {
                 back.add(driven, stride.step_s, &n, &g);
                 let gradients = || driven.iter().map(|of| of.coordinate);
                 back.behind[places.clone()].iter_mut().zip(gradients()).for_each(|(to, i)| *to = g[i]);
-                let transposed = &trail.transposed[stride.transition];
-                n.grow(transposed, None);
+                transition.copy_rows(&trail.transitions, trail.transition(stride));
+                transposed.transpose(&transition);
+                n.grow(&transposed, None);
                 for (to, row) in moved.iter_mut().zip(transposed.rows()) {
                     *to = dot(row, &g);
                 }
@@ -172,7 +174,8 @@ fn forth(
     let (size, count) = (trail.layout.size(), driven.len());
     let (mut x, mut d) = (Lanes::zeros(size, levels), Lanes::zeros(0, levels));
     let mut information = Information::new(levels, 0, 0);
-    let (mut rows, mut gain, mut at) = (Sparse::default(), Gain::default(), [0; 3]);
+    let (mut rows, mut transition) = (Sparse::default(), Sparse::default());
+    let (mut gain, mut at) = (Gain::default(), [0; 3]);
     for (of, gradient) in driven.iter().zip(&back.at_start) {
         x.row_mut(of.coordinate)[of.level] -= of.variance * gradient;
     }
@@ -186,7 +189,8 @@ fn forth(
                 }
             };
             add(&mut x, &back.before);
-            x.carry(&trail.transitions[stride.transition]);
+            transition.copy_rows(&trail.transitions, trail.transition(stride));
+            x.carry(&transition);
             add(&mut x, &back.behind);
             if let Some(axis) = stride.unseen_axis {
                 x.level(&axis);

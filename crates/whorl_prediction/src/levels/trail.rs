@@ -21,7 +21,7 @@ const MOST_BYTES: usize = 256 << 20;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stride {
     pub step_s: f64,
-    /// F less one, by its position.
+    /// First row of F less one.
     pub transition: usize,
     /// Turns about it are of no consequence.
     pub unseen_axis: Option<Vector3<f64>>,
@@ -42,9 +42,8 @@ pub(super) struct Instant {
 pub(crate) struct Trail {
     pub(super) layout: Layout,
     pub(super) strides: Vec<Stride>,
-    /// F less one of those, and the same by columns.
-    pub(super) transitions: Vec<Sparse>,
-    pub(super) transposed: Vec<Sparse>,
+    /// F less one of those, one below the other.
+    pub(super) transitions: Sparse,
     pub(super) instants: Vec<Instant>,
     /// Derivatives of all readings by the state, components and innovations,
     pub(super) by_state: Sparse,
@@ -65,7 +64,9 @@ impl Trail {
         let mut likelihood = Likelihood::begun(filter.log_known);
         filter.trail = Some(Self::new(start.layout));
         let mut count = |innovation: &Innovation| likelihood.add(innovation);
-        while filter.trail.as_ref().is_some_and(|trail| trail.has_room(most)) && filter.step(&mut count) {}
+        while filter.trail.as_ref().is_some_and(|trail| trail.instants.len() < most && !trail.is_full())
+            && filter.step(&mut count)
+        {}
         let is_lost = filter.is_lost() || !likelihood.log.is_finite();
         let trail = filter.trail.take().filter(|_| !is_lost)?;
         Some(Self { likelihood, ..trail })
@@ -75,8 +76,7 @@ impl Trail {
         Self {
             layout,
             strides: Vec::new(),
-            transitions: Vec::new(),
-            transposed: Vec::new(),
+            transitions: Sparse::default(),
             instants: Vec::new(),
             by_state: Sparse::default(),
             components: Vec::new(),
@@ -89,18 +89,20 @@ impl Trail {
         }
     }
 
-    fn has_room(&self, most: usize) -> bool {
-        let bytes = 16 * self.by_state.entry_count() + 4 * self.gains.len() + 40 * self.values.len();
-        self.instants.len() < most && bytes < MOST_BYTES
+    /// Whether there is no room for more.
+    pub(super) fn is_full(&self) -> bool {
+        let bytes = 16 * (self.by_state.entry_count() + self.transitions.entry_count())
+            + 4 * self.gains.len()
+            + 40 * self.values.len();
+        bytes >= MOST_BYTES
     }
 
     /// A step has ended.
     pub fn step(&mut self, step_ns: i64, gains: &Gains<'_>) {
-        if gains.has_new_step || self.transitions.is_empty() {
-            self.transitions.push(gains.step.transition.clone());
-            self.transposed.push(gains.step.transition.transposed());
+        if gains.has_new_step || self.strides.is_empty() {
+            self.transitions.append(&gains.step.transition);
         }
-        let transition = self.transitions.len() - 1;
+        let transition = self.transitions.count() - gains.step.transition.count();
         let step_s = step_ns as f64 * 1e-9;
         self.strides.push(Stride { step_s, transition, unseen_axis: gains.unseen_axis });
     }
@@ -118,6 +120,11 @@ impl Trail {
         gain.append_to(&mut self.gains, &mut self.couplings, &mut self.variances);
         let (strides, readings) = (self.strides.len(), self.values.len());
         self.instants.push(Instant { strides, readings, held: std::mem::take(&mut self.held) });
+    }
+
+    /// Rows of F less one of a stride.
+    pub(super) fn transition(&self, stride: Stride) -> std::ops::Range<usize> {
+        stride.transition..stride.transition + self.layout.moving()
     }
 
     /// Strides and readings before an instant.
