@@ -74,7 +74,7 @@ settings! {
     motors_correlation_s: f64 = 1.0;
     /// Instants by which the start is found where disturbances are allowed: with them a start is soon forgotten.
     level_start_instants: usize = 300;
-    /// Instants of the first part of a run, in which levels are found roughly; further parts are four times as long as those before.
+    /// Instants of the first part of a run, in which levels are found roughly; further parts are six times as long as those before.
     level_first_instants: usize = 1000;
     /// Steps of levels over a part of a run at most.
     level_steps: usize = 8;

@@ -13,14 +13,15 @@ use whorl_dynamics::effects::{Role, catalogue};
 use whorl_dynamics::platform::TiltLimit;
 use whorl_dynamics::{Gyrostat, InitialState, Plant, PlatformModel};
 use whorl_prediction::{
-    Disturbance, Noise, Prepared, RandomTorque, Settings, Start, Varied, fitted_start, frozen_gains,
-    innovations, predict, sensitivities,
+    Disturbance, Laws, Noise, Prepared, Push, RandomTorque, Settings, Start, Varied, fitted_start, follow,
+    frozen_gains, hints, innovations, predict, sensitivities,
 };
 use whorl_recording::{OnInterval, Recording};
 
 const SAMPLES: i64 = 36_000;
 const STEP_NS: i64 = 10_000_000;
 const PARAMETERS: usize = 150;
+const LAWS: usize = 500;
 /// Share of a parameter's prior over which differences are taken.
 const SHARE: f64 = 1e-3;
 
@@ -107,9 +108,40 @@ fn pass(c: &mut Criterion<ProcessorTime>) {
     }
 }
 
+/// Laws of the rate, its products and the speeds of wheels, about each axis: a column each.
+fn laws() -> Laws<'static> {
+    Laws::new(LAWS, 3, |plant, pushes| {
+        let (rate, speeds) = (plant.state().omega_wb_b_rad_s, plant.state().wheel_speed_rad_s());
+        pushes.extend((0..LAWS).map(|k| {
+            let of_wheel = speeds.get(k / 3 % speeds.len().max(1)).copied().unwrap_or(0.0);
+            let size = rate[k % 3] * rate[k / 3 % 3] + 1e-3 * of_wheel * (1.0 + k as f64 / LAWS as f64);
+            Push::Body(Vector3::ith(k % 3, size))
+        }));
+    })
+}
+
+/// Columns of many laws at once.
+fn many(c: &mut Criterion<ProcessorTime>) {
+    let model = PlatformModel { tilt_limit: TiltLimit::NONE, ..PlatformModel::whorl_1_reference() };
+    let recording = recording(&model);
+    let case = Prepared::new(&recording, &model, Settings::default()).expect("a recording of this model");
+    let followed = [follow(&case, &Noise::stated(&case).expect("sensors with noise"))];
+    let (recordings, laws) = ([recording.clone()], [laws()]);
+    let model_at = |_: &[f64]| Some(model.clone());
+    let mut group = c.benchmark_group("an instant of six minutes at 100 Hz");
+    group.throughput(instants(SAMPLES));
+    group.sample_size(10);
+    group.bench_function(format!("with {LAWS} columns of laws"), |b| {
+        b.iter(|| {
+            let found = hints(&recordings, &[], &model_at, &[], &followed, &laws, &Settings::default());
+            black_box(found.expect("a model of the platform"));
+        });
+    });
+}
+
 criterion_group! {
     name = benches;
     config = Criterion::default().with_measurement(ProcessorTime);
-    targets = pass
+    targets = pass, many
 }
 criterion_main!(benches);

@@ -44,9 +44,12 @@ pub(super) fn climb(
     let stands_nats = if forgets { settings.level_stands_nats } else { ROUGHLY * settings.level_stands_nats };
     let mut here = Place::of(case, stated, noise, start, most)?;
     for _ in 0..settings.level_steps {
-        let levels = Levels::of(case, &here.noise);
-        let scores = Scores::of(&here.trail, &levels, &here.noise);
-        let Some(step) = Step::of(&levels, &scores, &here.noise, stated, settings) else { break };
+        let levels = Levels::of(case, &here.climbed.noise);
+        // Two would take twice the memory.
+        let Some(trail) = here.trail.take() else { break };
+        let scores = Scores::of(&trail, &levels, &here.climbed.noise);
+        drop(trail);
+        let Some(step) = Step::of(&levels, &scores, &here.climbed.noise, stated, settings) else { break };
         // What does not show is worth nothing.
         let unseen = if forgets { levels.unseen(&scores, settings.level_seen_nats) } else { Vec::new() };
         let shares = if step.gain_nats > stands_nats {
@@ -58,27 +61,19 @@ pub(super) fn climb(
         };
         let least = here.objective - settings.level_seen_nats * unseen.len() as f64;
         let next = shares.iter().find_map(|share| {
-            let noise = moved(&here.noise, &levels, &step.by, *share, &unseen);
-            Place::of(case, stated, noise, &here.start, most).filter(|next| next.objective > least)
+            let noise = moved(&here.climbed.noise, &levels, &step.by, *share, &unseen);
+            Place::of(case, stated, noise, &here.climbed.start, most).filter(|next| next.objective > least)
         });
         let Some(next) = next else { break };
         here = next;
     }
-    let Place { noise, start, trail, .. } = here;
-    Some(Climbed {
-        noise,
-        start,
-        log: trail.likelihood.log,
-        instants: trail.instants.len(),
-        is_cut: trail.is_full(),
-    })
+    Some(here.climbed)
 }
 
 /// Levels on the way.
 struct Place {
-    noise: Noise,
-    start: Start,
-    trail: Trail,
+    climbed: Climbed,
+    trail: Option<Trail>,
     /// log p of the part and of the levels.
     objective: f64,
 }
@@ -89,7 +84,9 @@ impl Place {
         let trail = Trail::of(case, &noise, &start, most)?;
         let levels = Levels::of(case, &noise);
         let prior: f64 = levels.iter().map(|level| log_prior(level, &noise, stated, case.settings())).sum();
-        Some(Self { objective: trail.likelihood.log + prior, noise, start, trail })
+        let (log, instants, is_cut) = (trail.likelihood.log, trail.instants.len(), trail.is_full());
+        let climbed = Climbed { noise, start, log, instants, is_cut };
+        Some(Self { objective: log + prior, climbed, trail: Some(trail) })
     }
 }
 

@@ -14,8 +14,9 @@ use crate::prepared::Prepared;
 use crate::rows::Readings;
 use crate::start::Start;
 
-/// Memory for the way of a recording at most \[bytes\]: ten minutes of three sensors at 100 Hz. Of a longer one its first part.
-const MOST_BYTES: usize = 256 << 20;
+/// Memory for the way of a recording at most \[bytes\]: ten minutes of three sensors at 100 Hz that turn slowly, five that turn fast. Of a longer one
+/// its first part.
+const MOST_BYTES: usize = 128 << 20;
 
 /// A step of the covariance.
 #[derive(Debug, Clone, Copy)]
@@ -58,7 +59,7 @@ pub(crate) struct Trail {
 }
 
 impl Trail {
-    /// Of the first so many instants of a recording, or fewer where they would fill more than 256 MB; `None` where the motion is lost.
+    /// Of the first so many instants of a recording, or fewer where they would fill more than 128 MB; `None` where the motion is lost.
     pub fn of(case: &Prepared<'_>, noise: &Noise, start: &Start, most: usize) -> Option<Self> {
         let mut filter = Filter::new(case, noise, start).about_known_biases(start);
         let mut likelihood = Likelihood::begun(filter.log_known);
