@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use crate::output::{JsonArgument, tell};
 
-pub use whorl_commands::runs::{RunSources, Runs, link_pages_beside, page_of, quoted, write};
+use whorl_commands::page::NewPage;
+pub use whorl_commands::page::{link_pages_beside, page_of};
+pub use whorl_commands::runs::{RunSources, Runs, quoted, write};
 
 /// Runs, with the options for reading and testing them.
 #[derive(Debug, Clone, clap::Args)]
@@ -65,23 +67,13 @@ impl OutputArguments {
         self.json.write(value)
     }
 
-    /// Writes the page to `--html`, else where [`page_of`] says; in the working directory where nothing can be written: what it took minutes to find is not lost. Returns the path.
+    /// Writes the page to `--html`, else where [`page_of`] says; in the working directory where nothing can be written. Returns the path.
     pub fn write_page(&self, runs: &RunArguments, name: &str, html: &str) -> anyhow::Result<PathBuf> {
         let first = runs.runs.first().map_or(Path::new(""), PathBuf::as_path);
-        let mut path = self.html.clone().unwrap_or_else(|| page_of(first, name));
-        if let Err(error) = write(&path, html) {
-            let here = PathBuf::from(name);
-            if self.html.is_some() || path == here {
-                return Err(error);
-            }
-            tell(format_args!(
-                "warning: {}: the page is in the working directory",
-                whorl_commands::in_words(&error)
-            ));
-            path = here;
-            write(&path, html)?;
+        let page = NewPage::create(first, name, self.html.as_deref(), Path::new(""))?;
+        if let Some(why) = &page.moved {
+            tell(format_args!("warning: {why}: the page is in the working directory"));
         }
-        link_pages_beside(&path)?;
-        Ok(path)
+        page.finish(html)
     }
 }

@@ -33,6 +33,7 @@ pub mod model_file;
 pub mod new_rig;
 pub mod next;
 pub mod own_times;
+pub mod page;
 pub mod provenance;
 mod rehearsal;
 pub mod report;

@@ -1,16 +1,15 @@
 //! Page and numbers of a recorded run.
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use whorl_bag::{BagError, Manifest, RunDirectory, RunState};
-use whorl_files::NewFile;
 use whorl_math::rad_from_deg;
 use whorl_params::ParameterTree;
 use whorl_report::{Circumstances, Collector, Description, RunData, RunVerdict, Summary, TopicRow};
 
-use crate::runs::{is_csv, of_new, page_of};
+use crate::page::NewPage;
+use crate::runs::{is_csv, of_new};
 use crate::shapes::{number, shapes};
 
 /// Key of the recorder's note that its computer's clock was set.
@@ -97,19 +96,8 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
             of_new(path)
         );
     }
-    let page = html.map_or_else(|| page_of(path, "report.html"), Path::to_owned);
-    // Before the work, which may take minutes. Where the run cannot be written to, the working directory has the page, as those of
-    // comparisons.
-    let (mut file, page, moved) = match NewFile::create(&page) {
-        Ok(file) => (file, page, None),
-        Err(error) => {
-            let failed = || format!("cannot write {}; --html takes another place", page.display());
-            let here = page.file_name().map(PathBuf::from).filter(|here| html.is_none() && *here != page);
-            let Some(here) = here else { return Err(error).with_context(failed) };
-            let file = NewFile::create(&here).with_context(failed)?;
-            (file, here, Some(format!("cannot write {}: {error}", page.display())))
-        }
-    };
+    // Before the work, which may take minutes.
+    let page = NewPage::create(path, "report.html", html, Path::new(""))?;
     let ReadRun { data, directory: run, recovered, undecodable } = read(path)?;
     let manifest = run.manifest_or_from_bag()?;
     let summary = whorl_report::summarise(&data);
@@ -131,10 +119,8 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
         &summary,
         &circumstances(description.target_rad, &manifest, parameters.as_ref()),
     );
-    file.write_all(whorl_report::html(&data, &summary, &verdict, &description).as_bytes())
-        .and_then(|()| file.finish())
-        .with_context(|| format!("cannot write {}", page.display()))?;
-    crate::runs::link_pages_beside(&page)?;
+    let moved = page.moved.clone();
+    let page = page.finish(&whorl_report::html(&data, &summary, &verdict, &description))?;
     let mut not_kept = None;
     if let serde_json::Value::Object(mut entries) = serde_json::to_value(&summary)? {
         entries.insert("verdict".to_owned(), serde_json::to_value(&verdict)?);

@@ -275,34 +275,6 @@ fn effects_of(known: &KnownPlatform) -> String {
     if ids.is_empty() { "none".to_owned() } else { ids.join(", ") }
 }
 
-/// Where the page of a command goes by itself: into a run's directory, where it takes the place of an earlier one; beside a file,
-/// named by it (`swing.compare.html` of `swing.csv`), with a number where there is one already. For runs in object storage: here.
-#[must_use]
-pub fn page_of(run: &Path, name: &str) -> PathBuf {
-    if is_remote(run) {
-        return PathBuf::from(name);
-    }
-    if run.is_dir() {
-        return run.join(name);
-    }
-    let file = run.file_name().unwrap_or_default().to_string_lossy();
-    let stem =
-        [".csv.gz", ".csv", ".mcap"].iter().find_map(|ending| file.strip_suffix(ending)).unwrap_or(&file);
-    let page = name.strip_suffix(".html").unwrap_or(name);
-    let first = run.with_file_name(format!("{stem}.{name}"));
-    let others = (2..u32::MAX).map(|number| run.with_file_name(format!("{stem}.{page}_{number}.html")));
-    std::iter::once(first.clone()).chain(others).find(|path| !path.exists()).unwrap_or(first)
-}
-
-/// Links the pages of a run that stand beside this one.
-///
-/// # Errors
-/// When one cannot be written.
-pub fn link_pages_beside(page: &Path) -> anyhow::Result<()> {
-    let folder = page.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    whorl_report::link_pages(page).with_context(|| format!("cannot link the pages in {}", folder.display()))
-}
-
 /// Writes a file.
 ///
 /// # Errors

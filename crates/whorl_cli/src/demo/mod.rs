@@ -5,7 +5,6 @@ mod secret;
 mod session;
 
 use std::hash::{BuildHasher, RandomState};
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -184,10 +183,8 @@ fn hide(secret: &Secret, params: &Path, outside: bool) -> anyhow::Result<()> {
     }
     let append = |file: &str, text: &str| {
         let file = params.join(file);
-        std::fs::OpenOptions::new()
-            .append(true)
-            .open(&file)
-            .and_then(|mut file| file.write_all(text.as_bytes()))
+        whorl_files::read_text(&file)
+            .and_then(|before| whorl_files::write_file(&file, before + text))
             .with_context(|| format!("cannot write {}", file.display()))
     };
     // The model monitor would tell before anybody asks.
