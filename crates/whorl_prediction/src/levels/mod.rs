@@ -95,7 +95,7 @@ pub fn follow_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> F
         return follow(case, stated);
     }
     if before.noise.disturbance.is_some() {
-        return judged(case, climbed_again(case, stated, before.noise.clone(), &before.fitted), None);
+        return judged(case, climbed_again(case, stated, before), None);
     }
     let (noise, fitted) = (before.noise.clone(), &before.fitted);
     let noise = climb(case, stated, noise.clone(), &fitted.start, usize::MAX, true)
@@ -111,7 +111,7 @@ pub(crate) fn follow_on(case: &Prepared<'_>, stated: &Noise, before: &Followed) 
     if !before.fitted.start.is_of(case) || !before.noise.disturbance.is_some() {
         return follow_again(case, stated, before);
     }
-    judged(case, climbed_again(case, stated, before.noise.clone(), &before.fitted), Some(before))
+    judged(case, climbed_again(case, stated, before), Some(before))
 }
 
 /// The same at the end of a fit: with torques of all correlation times again, of which those that a worse model had hidden may show by now, and with what
@@ -121,8 +121,9 @@ pub(crate) fn judged_again(case: &Prepared<'_>, stated: &Noise, followed: &Follo
     if !followed.noise.disturbance.is_some() {
         return followed.clone();
     }
-    let noise = spread(case, followed.noise.clone());
-    judged(case, climbed_again(case, stated, noise, &followed.fitted), None)
+    let before = climbed_again(case, stated, followed);
+    let again = climbed(case, stated, spread(case, before.0.clone()), before.1.clone(), case.instants());
+    judged(case, if again.2 > before.2 { again } else { before }, None)
 }
 
 /// The same noise with torques of all correlation times.
@@ -134,30 +135,24 @@ fn spread(case: &Prepared<'_>, noise: Noise) -> Noise {
 /// Levels and start by the first part of a run: of torques of all sizes the likeliest, from there the likeliest levels, and with these the start.
 fn roughly(case: &Prepared<'_>, stated: &Noise, loud: &Noise, fitted: FittedStart) -> (Noise, FittedStart) {
     let settings = case.settings();
+    let part = settings.level_first_instants;
     let sizes =
         (0..SIZES).map(|k| Noise { disturbance: loud.disturbance.scaled(0.1_f64.powi(k)), ..loud.clone() });
-    let tried =
-        sizes.map(|noise| (log_of(case, &noise, &fitted.start, settings.level_start_instants), noise));
+    let tried = sizes.map(|noise| (log_of(case, &noise, &fitted.start, part), noise));
     let best = tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(|| loud.clone(), |(_, noise)| noise);
-    let noise = climb(case, stated, best.clone(), &fitted.start, settings.level_first_instants, false)
-        .map_or(best, |found| found.noise);
+    let noise =
+        climb(case, stated, best.clone(), &fitted.start, part, false).map_or(best, |found| found.noise);
     let fitted = fitted_start_within(case, &noise, settings.level_start_instants);
     (spread(case, noise), fitted)
 }
 
 /// The same from levels that were found with a model close by.
-fn climbed_again(
-    case: &Prepared<'_>,
-    stated: &Noise,
-    noise: Noise,
-    fitted: &FittedStart,
-) -> (Noise, FittedStart, f64) {
-    let mut start = fitted.start.with_levels(case, &noise);
-    let covariance = start.embedded(&fitted.covariance, fitted.start.layout);
+fn climbed_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> (Noise, FittedStart, f64) {
+    let (noise, mut fitted) = (before.noise.clone(), before.fitted.clone());
     // As narrow as the run makes it by now: log p depends on that.
     let wide = Start::wide(case, &noise).covariance;
-    start.covariance = narrowed(&wide, &covariance, case.settings().start_kept);
-    climbed(case, stated, noise, FittedStart { start, covariance, ..*fitted }, case.instants())
+    fitted.start.covariance = narrowed(&wide, &fitted.covariance, case.settings().start_kept);
+    climbed(case, stated, noise, fitted, case.instants())
 }
 
 /// The likeliest levels of a run from these on, by longer and longer parts of it from one of so many instants, and how likely it is: not
