@@ -1,5 +1,6 @@
 //! What every board with valves must do, tried on a board whose outputs can be seen.
 
+use std::cell::RefCell;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -70,16 +71,23 @@ pub(crate) fn valves_are_shut(device: impl Device + 'static, place: &Place, is_o
     bench.until("the end of the pulse", &Command::Alive, || !is_open(0));
     bench.open(LONG_S);
     bench.until("a valve that is told to shut", &Command::AllOff, || !is_open(0));
-    // Both edges were told, of the first jet alone.
-    let switched: Vec<(usize, bool)> = (bench.readings().into_iter())
-        .filter_map(|reading| match reading {
-            Reading::Measured { measured: Measured::Valves(switched), .. } => Some(switched),
-            _ => None,
-        })
-        .flatten()
-        .collect();
-    let edges: Vec<bool> = switched.iter().filter(|(jet, _)| *jet == 0).map(|(_, open)| *open).collect();
-    assert!(edges.ends_with(&[true, false]), "{switched:?}");
+    // Both edges of the first jet are told, some time after the valve has moved.
+    let switched = RefCell::new(Vec::new());
+    bench.until("both edges", &Command::AllOff, || {
+        switched.borrow_mut().extend(
+            bench
+                .readings()
+                .into_iter()
+                .filter_map(|reading| match reading {
+                    Reading::Measured { measured: Measured::Valves(switched), .. } => Some(switched),
+                    _ => None,
+                })
+                .flatten(),
+        );
+        let of_first = |(jet, open): &(usize, bool)| (*jet == 0).then_some(*open);
+        let edges: Vec<bool> = switched.borrow().iter().filter_map(of_first).collect();
+        edges.ends_with(&[true, false])
+    });
     bench.open(LONG_S);
     let begin = Instant::now();
     while is_open(0) {
