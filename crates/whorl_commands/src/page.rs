@@ -84,8 +84,6 @@ pub fn link_pages_beside(page: &Path) -> anyhow::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    #![expect(clippy::unwrap_used, reason = "a test stops at a broken precondition")]
-
     use super::*;
 
     #[test]
