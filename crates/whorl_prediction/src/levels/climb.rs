@@ -5,6 +5,9 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use super::list::{Level, Levels};
 use super::scores::Scores;
 use super::trail::Trail;
+use crate::filter::Filter;
+use crate::innovations::Innovation;
+use crate::likelihood::Likelihood;
 use crate::noise::Noise;
 use crate::prepared::Prepared;
 use crate::settings::Settings;
@@ -51,7 +54,7 @@ pub(super) fn climb(
         drop(trail);
         let Some(step) = Step::of(&levels, &scores, &here.climbed.noise, stated, settings) else { break };
         // What does not show is worth nothing.
-        let unseen = if forgets { levels.unseen(&scores, settings.level_seen_nats) } else { Vec::new() };
+        let unseen = if forgets { scores.unseen(&levels, settings.level_seen_nats) } else { Vec::new() };
         let shares = if step.gain_nats > stands_nats {
             &SHARES_OF_A_STEP[..]
         } else if unseen.is_empty() {
@@ -81,13 +84,27 @@ struct Place {
 impl Place {
     fn of(case: &Prepared<'_>, stated: &Noise, noise: Noise, start: &Start, most: usize) -> Option<Self> {
         let start = start.with_levels(case, &noise);
-        let trail = Trail::of(case, &noise, &start, most)?;
+        let (trail, log) = way(case, &noise, &start, most)?;
         let levels = Levels::of(case, &noise);
         let prior: f64 = levels.iter().map(|level| log_prior(level, &noise, stated, case.settings())).sum();
-        let (log, instants, is_cut) = (trail.likelihood.log, trail.instants.len(), trail.is_full());
+        let (instants, is_cut) = (trail.instants.len(), trail.is_full());
         let climbed = Climbed { noise, start, log, instants, is_cut };
         Some(Self { objective: log + prior, climbed, trail: Some(trail) })
     }
+}
+
+/// The way of a filter through the first so many instants of a recording, or fewer where they would fill more than 128 MB, and log p of them; `None` where the
+/// motion is lost.
+pub(super) fn way(case: &Prepared<'_>, noise: &Noise, start: &Start, most: usize) -> Option<(Trail, f64)> {
+    let mut filter = Filter::new(case, noise, start).about_known_biases(start);
+    let mut likelihood = Likelihood::begun(filter.log_known);
+    filter.trail = Some(Trail::new(start.layout));
+    let mut count = |innovation: &Innovation| likelihood.add(innovation);
+    let has_room = |trail: &Trail| trail.instants.len() < most && !trail.is_full();
+    while filter.trail.as_ref().is_some_and(has_room) && filter.step(&mut count) {}
+    let is_lost = filter.is_lost() || !likelihood.log.is_finite();
+    let trail = filter.trail.take().filter(|_| !is_lost)?;
+    Some((trail, likelihood.log))
 }
 
 /// A step of the logarithms of variances.

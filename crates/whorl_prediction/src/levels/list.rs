@@ -2,7 +2,6 @@
 
 use whorl_recording::{Channel, Component};
 
-use super::scores::Scores;
 use crate::noise::Noise;
 use crate::prepared::Prepared;
 
@@ -43,14 +42,6 @@ impl Levels {
 
     pub fn count(&self) -> usize {
         self.0.len()
-    }
-
-    /// Torques of which readings show less than is expected, and both are too small to be seen.
-    pub fn unseen(&self, scores: &Scores, least_nats: f64) -> Vec<Level> {
-        let both = scores.squares.iter().zip(scores.expected.iter());
-        let is_unseen = |squares: f64, expected: f64| squares <= expected && expected < least_nats;
-        let torques = self.iter().zip(both).filter(|(level, _)| level.is_torque());
-        torques.filter(|(_, (a, b))| is_unseen(**a, **b)).map(|(level, _)| level).collect()
     }
 
     pub fn position(&self, level: Level) -> Option<usize> {

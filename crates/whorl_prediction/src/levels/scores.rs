@@ -51,6 +51,17 @@ impl Scores {
     }
 }
 
+impl Scores {
+    /// Torques of which readings show less than is expected, and both are too small to be seen.
+    pub fn unseen(&self, levels: &Levels, least_nats: f64) -> Vec<Level> {
+        let both = self.squares.iter().zip(self.expected.iter());
+        let torques = levels.iter().zip(both).filter(|(level, _)| level.is_torque());
+        let unseen =
+            torques.filter(|(_, (squares, expected))| squares <= expected && **expected < least_nats);
+        unseen.map(|(level, _)| level).collect()
+    }
+}
+
 /// A coordinate that white noise drives.
 struct Driven {
     coordinate: usize,

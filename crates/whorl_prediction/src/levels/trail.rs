@@ -3,16 +3,10 @@
 use nalgebra::Vector3;
 use whorl_recording::Component;
 
-use crate::filter::Filter;
 use crate::gains::Gains;
-use crate::innovations::Innovation;
 use crate::lanes::{Gain, Sparse};
 use crate::layout::Layout;
-use crate::likelihood::Likelihood;
-use crate::noise::Noise;
-use crate::prepared::Prepared;
 use crate::rows::Readings;
-use crate::start::Start;
 
 /// Memory for the way of a recording at most \[bytes\]: ten minutes of three sensors at 100 Hz that turn slowly, five that turn fast. Of a longer one
 /// its first part.
@@ -54,26 +48,12 @@ pub(crate) struct Trail {
     pub(super) gains: Vec<f32>,
     pub(super) couplings: Vec<f32>,
     pub(super) variances: Vec<f64>,
-    held: u64,
-    pub(super) likelihood: Likelihood,
+    pub(super) held: u64,
 }
 
 impl Trail {
-    /// Of the first so many instants of a recording, or fewer where they would fill more than 128 MB; `None` where the motion is lost.
-    pub fn of(case: &Prepared<'_>, noise: &Noise, start: &Start, most: usize) -> Option<Self> {
-        let mut filter = Filter::new(case, noise, start).about_known_biases(start);
-        let mut likelihood = Likelihood::begun(filter.log_known);
-        filter.trail = Some(Self::new(start.layout));
-        let mut count = |innovation: &Innovation| likelihood.add(innovation);
-        while filter.trail.as_ref().is_some_and(|trail| trail.instants.len() < most && !trail.is_full())
-            && filter.step(&mut count)
-        {}
-        let is_lost = filter.is_lost() || !likelihood.log.is_finite();
-        let trail = filter.trail.take().filter(|_| !is_lost)?;
-        Some(Self { likelihood, ..trail })
-    }
-
-    fn new(layout: Layout) -> Self {
+    /// Of a filter that has not begun.
+    pub(super) fn new(layout: Layout) -> Self {
         Self {
             layout,
             strides: Vec::new(),
@@ -86,7 +66,6 @@ impl Trail {
             couplings: Vec::new(),
             variances: Vec::new(),
             held: 0,
-            likelihood: Likelihood::default(),
         }
     }
 
