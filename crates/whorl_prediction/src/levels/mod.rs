@@ -13,11 +13,10 @@ mod tests;
 
 use whorl_recording::Channel;
 
-use crate::filter::Filter;
 use crate::fitted::{FittedStart, fitted_start_near, fitted_start_within};
 use crate::guess::fastest_change;
 use crate::known::narrowed;
-use crate::likelihood::Likelihood;
+use crate::likelihood::{Likelihood, likelihood_within};
 use crate::noise::{Disturbance, Noise, RandomTorque};
 use crate::prepared::Prepared;
 use crate::start::Start;
@@ -217,14 +216,8 @@ fn by_chance_nats(parameters: usize, deviations: f64) -> f64 {
 
 /// log p of the first so many instants of a run.
 fn log_of(case: &Prepared<'_>, noise: &Noise, start: &Start, most: usize) -> f64 {
-    let start = start.with_levels(case, noise);
-    let mut filter = Filter::new(case, noise, &start).about_known_biases(&start);
-    let (mut taken, mut likelihood) = (0, Likelihood::begun(filter.log_known));
-    while taken < most && filter.step(&mut |innovation| likelihood.add(innovation)) {
-        taken += 1;
-    }
-    let is_lost = filter.is_lost() || !likelihood.log.is_finite();
-    if is_lost { f64::NEG_INFINITY } else { likelihood.log }
+    let found = likelihood_within(case, noise, &start.with_levels(case, noise), most);
+    if found.lost || !found.log.is_finite() { f64::NEG_INFINITY } else { found.log }
 }
 
 /// Torques so large that they make the fastest motion of the run within a second.

@@ -49,9 +49,7 @@ impl Scores {
         let information = forth(trail, levels.count(), &driven, &read, &back);
         Self { squares, expected, information }
     }
-}
 
-impl Scores {
     /// Torques of which readings show less than is expected, and both are too small to be seen.
     pub fn unseen(&self, levels: &Levels, least_nats: f64) -> Vec<Level> {
         let both = self.squares.iter().zip(self.expected.iter());
