@@ -106,7 +106,7 @@ mod tests {
         // Those of the predictor are shown, and not set.
         for line in [
             "#   start_passes: 12",
-            "#   level_needed_nats: 11.2",
+            "#   level_needed_deviations: 3.09",
             "#   # How often a start is found anew at most.",
         ] {
             assert!(text.lines().any(|other| other == line), "{line}\n{text}");

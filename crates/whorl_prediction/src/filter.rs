@@ -11,6 +11,7 @@ use crate::gains::Gains;
 use crate::guess::known_biases;
 use crate::innovations::{Innovation, Mean};
 use crate::kept_gains::Recorder;
+use crate::levels::Trail;
 use crate::noise::Noise;
 use crate::prepared::Prepared;
 use crate::rows::Readings;
@@ -24,6 +25,8 @@ pub(crate) struct Filter<'a> {
     pub columns: Option<Columns<'a>>,
     /// Keeps gains for passes that take them as they are.
     pub recorder: Option<Recorder>,
+    /// Keeps the way, so that one can go back along it.
+    pub trail: Option<Trail>,
     /// Of the present instant.
     pub readings: Readings,
     /// Covariance of the start, how far from the start that was given the filter began,
@@ -41,6 +44,7 @@ impl<'a> Filter<'a> {
         Self {
             columns: None,
             recorder: None,
+            trail: None,
             readings: Readings::default(),
             known: gains.covariance.matrix(size, size),
             begun: DVector::zeros(size),
@@ -140,6 +144,9 @@ impl<'a> Filter<'a> {
         if let Some(recorder) = &mut self.recorder {
             recorder.take_in(&gains.gain);
         }
+        if let Some(trail) = self.trail.as_mut().filter(|_| !mean.lost) {
+            trail.take_in(&self.readings, &gains.gain, &mean.values);
+        }
     }
 
     fn propagate(&mut self, to_ns: i64) {
@@ -164,6 +171,9 @@ impl<'a> Filter<'a> {
             if let Some(recorder) = &mut self.recorder {
                 recorder.step(end_ns, gains, mean.layout);
             }
+            if let Some(trail) = &mut self.trail {
+                trail.step(end_ns - from_ns, gains);
+            }
         }
         if let Some(claims) = &mut gains.claims {
             claims.arrive();
@@ -177,6 +187,7 @@ impl<'a> Filter<'a> {
             if held {
                 self.gains.hold(i);
                 self.columns.iter_mut().for_each(|columns| columns.hold(i));
+                self.trail.iter_mut().for_each(|trail| trail.hold(i));
             }
         }
     }

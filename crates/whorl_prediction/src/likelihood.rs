@@ -44,9 +44,21 @@ impl Likelihood {
 /// before the run stays about none.
 #[must_use]
 pub fn likelihood(case: &Prepared<'_>, noise: &Noise, start: &Start) -> Likelihood {
+    likelihood_within(case, noise, start, usize::MAX)
+}
+
+/// The same of the first so many instants.
+pub(crate) fn likelihood_within(
+    case: &Prepared<'_>,
+    noise: &Noise,
+    start: &Start,
+    most: usize,
+) -> Likelihood {
     let mut filter = Filter::new(case, noise, start).about_known_biases(start);
-    let mut sums = Likelihood::begun(filter.log_known);
-    while filter.step(&mut |innovation| sums.add(innovation)) {}
+    let (mut taken, mut sums) = (0, Likelihood::begun(filter.log_known));
+    while taken < most && filter.step(&mut |innovation| sums.add(innovation)) {
+        taken += 1;
+    }
     sums.lost = filter.is_lost();
     sums
 }

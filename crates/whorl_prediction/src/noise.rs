@@ -52,6 +52,37 @@ impl Disturbance {
         self.processes().next().is_some() || self.motors() > 0
     }
 
+    /// The same with all standard deviations larger by a factor.
+    pub(crate) fn scaled(&self, factor: f64) -> Self {
+        let body = self
+            .body
+            .iter()
+            .map(|of| RandomTorque { stddev_b_n_m: of.stddev_b_n_m.map(|x| x * factor), ..*of });
+        let motors = self.motors_n_m.iter().map(|x| x * factor);
+        Self { body: body.collect(), motors_n_m: motors.collect(), ..*self }
+    }
+
+    /// With processes of all these correlation times \[s\], each about each axis this share of the largest about it at least.
+    pub(crate) fn spread(&self, times_s: &[f64], share: f64) -> Self {
+        let most = [0, 1, 2].map(|axis| self.body.iter().map(|of| of.stddev_b_n_m[axis]).fold(0.0, f64::max));
+        let of_time = |correlation_s: &f64| {
+            let now = self.body.iter().find(|of| of.correlation_s == *correlation_s);
+            let stddev = |axis: usize| now.map_or(0.0, |of| of.stddev_b_n_m[axis]).max(share * most[axis]);
+            RandomTorque { stddev_b_n_m: [0, 1, 2].map(stddev), correlation_s: *correlation_s }
+        };
+        let mut spread = Self { body: times_s.iter().map(of_time).collect(), ..self.clone() };
+        spread.forget_silent();
+        spread
+    }
+
+    /// Without processes that push nothing.
+    pub(crate) fn forget_silent(&mut self) {
+        self.body.retain(|of| of.stddev_b_n_m.iter().any(|x| *x > 0.0));
+        if self.motors() == 0 {
+            self.motors_n_m.clear();
+        }
+    }
+
     /// Those that push the body at all.
     pub(crate) fn processes(&self) -> impl Iterator<Item = &RandomTorque> + Clone {
         self.body.iter().filter(|process| process.stddev_b_n_m.iter().any(|x| *x > 0.0))
@@ -66,6 +97,12 @@ impl Disturbance {
     /// How many motors have one.
     pub(crate) fn motors(&self) -> usize {
         if self.motors_n_m.iter().any(|x| *x > 0.0) { self.motors_n_m.len() } else { 0 }
+    }
+
+    /// How many standard deviations there are that are not zero.
+    pub(crate) fn count(&self) -> usize {
+        let all = self.body.iter().flat_map(|of| &of.stddev_b_n_m).chain(&self.motors_n_m);
+        all.filter(|stddev| **stddev > 0.0).count()
     }
 
     /// Coordinates of a layout that are torques of it, each with its standard deviation [N m].

@@ -26,6 +26,8 @@ pub(crate) struct Pass {
     /// How the start moves that the run shows.
     shift: DVector<f64>,
     pub sums: Sums,
+    /// Covariance of the start given the run here or close by.
+    own: DMatrix<f64>,
     /// How innovations change with the parameters here or close by, for passes near this one.
     kept: Option<Arc<Kept>>,
 }
@@ -38,6 +40,7 @@ pub(crate) struct Kept {
     pub gains: FrozenGains,
     pub sums: Sums,
     pub widening: Widening,
+    own: DMatrix<f64>,
 }
 
 impl Kept {
@@ -84,6 +87,11 @@ impl Passes {
         self.0.iter().fold(known, |sum, of| sum + &of.sums.slope)
     }
 
+    /// Starts with the covariances that the runs leave of them.
+    pub fn starts(&self, runs: Vec<(Noise, Start)>) -> Vec<(Start, DMatrix<f64>)> {
+        runs.into_iter().zip(&self.0).map(|((_, start), pass)| (start, pass.own.clone())).collect()
+    }
+
     /// Starts this share of the way to where the runs show them, when the parameters move so.
     pub fn moved(&self, runs: &[(Noise, Start)], by: &DVector<f64>, share: f64) -> Vec<(Noise, Start)> {
         let with = runs.iter().zip(&self.0);
@@ -125,8 +133,10 @@ pub(crate) fn pass(
     let shift = &widening.of_shift * shift;
     let gains = filter.recorder.take().and_then(Recorder::end);
     let kept = design.zip(gains).filter(|_| !likelihood.lost);
-    let kept = kept.map(|(design, gains)| Arc::new(Kept { design, gains, sums: sums.clone(), widening }));
-    Ok(Pass { likelihood, shift, sums, kept })
+    let kept = kept.map(|(design, gains)| {
+        Arc::new(Kept { design, gains, sums: sums.clone(), widening, own: own.clone() })
+    });
+    Ok(Pass { likelihood, shift, sums, own, kept })
 }
 
 /// A pass over a recording without columns; with those of another pass close by, and its gains, it shows the slope as well.
@@ -153,7 +163,8 @@ fn pass_with_gains(case: &Prepared<'_>, noise: &Noise, start: &Start, kept: &Arc
     likelihood.lost = filter.mean.lost;
     let shift = &filter.begun + kept.gains.known() * slope.rows(0, start.layout.size());
     let sums = kept.sums(&slope, &shift);
-    Some(Pass { likelihood, shift: &kept.widening.of_shift * shift, sums, kept: Some(Arc::clone(kept)) })
+    let shift = &kept.widening.of_shift * shift;
+    Some(Pass { likelihood, shift, sums, own: kept.own.clone(), kept: Some(Arc::clone(kept)) })
 }
 
 impl Pass {
@@ -161,6 +172,7 @@ impl Pass {
     fn lost(start: &Start) -> Self {
         let likelihood = Likelihood { log: f64::NEG_INFINITY, lost: true, ..Likelihood::default() };
         let size = start.layout.size();
-        Self { likelihood, shift: DVector::zeros(size), sums: Sums::none(size, 0), kept: None }
+        let (shift, own) = (DVector::zeros(size), start.covariance.clone());
+        Self { likelihood, shift, sums: Sums::none(size, 0), own, kept: None }
     }
 }

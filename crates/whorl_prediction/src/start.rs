@@ -75,6 +75,34 @@ impl Start {
         start
     }
 
+    /// The same with other disturbances, of which nothing is known but their levels.
+    #[must_use]
+    pub(crate) fn with_levels(&self, case: &Prepared<'_>, noise: &Noise) -> Self {
+        let wide = Self::wide(case, noise);
+        if wide.layout == self.layout {
+            return self.with_disturbance(noise);
+        }
+        let mut start = wide.about(self).with_disturbance(noise);
+        start.covariance = start.embedded(&self.covariance, self.layout);
+        start
+    }
+
+    /// A covariance in coordinates of another layout, with the disturbances of this start.
+    #[must_use]
+    pub(crate) fn embedded(&self, covariance: &DMatrix<f64>, of: Layout) -> DMatrix<f64> {
+        if of == self.layout {
+            return covariance.clone();
+        }
+        let mut embedded = self.covariance.clone();
+        let own = |layout: Layout| (0..layout.plant.size()).chain(layout.moving()..layout.size());
+        for (i, from_i) in own(self.layout).zip(own(of)) {
+            for (k, from_k) in own(self.layout).zip(own(of)) {
+                embedded[(i, k)] = covariance[(from_i, from_k)];
+            }
+        }
+        embedded
+    }
+
     /// Whether it has the states of this model.
     pub(crate) fn is_of(&self, case: &Prepared<'_>) -> bool {
         self.layout.plant == case.plant().tangent()

@@ -5,8 +5,10 @@ use whorl_dynamics::plant::ROTATION;
 
 use crate::lanes::{Lanes, MOST_STATES, Sparse};
 
-/// The series ends where a term is below this share of one: gains then err by less than their tenth digit.
-const SMALLEST_TERM: f64 = 1e-11;
+/// The series ends where a term is below this share of one: gains then err by less than their eighth digit.
+const SMALLEST_TERM: f64 = 1e-9;
+/// The same of what a step adds, of its largest number: levels of noise are known to some per cent.
+const SMALLEST_TERM_ADDED: f64 = 1e-6;
 /// Terms at most; steps are short against the fastest motion, so that far fewer are needed.
 const MOST_TERMS: usize = 30;
 /// Products with which the fastest rate is found: its error then is some per cent.
@@ -112,7 +114,7 @@ impl Step {
         let mut sum = room.unwrap_or_else(|| self.term.clone());
         sum.clear(moving);
         sum.add(&self.term);
-        let least = SMALLEST_TERM * sum.largest();
+        let least = SMALLEST_TERM_ADDED * sum.largest();
         for k in 2..=MOST_TERMS {
             self.term.multiply(&self.motion, step_s / k as f64, &mut self.next);
             self.next.add_transposed(moving, &mut self.term);

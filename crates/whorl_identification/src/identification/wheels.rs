@@ -23,6 +23,8 @@ const OF_OTHER_UNITS: [f64; 2] = [PI / 30.0, TAU];
 const KNOWN: f64 = 0.3;
 /// Shares that are as close to one as this are the platform's inertia as well as the wheel's.
 const FAR_OFF: f64 = 0.3;
+/// By how much likelier another strength must make the readings [natural logarithm]: a hundred thousand to one, as a wheel is accused.
+const NEEDED_NATS: f64 = 11.5;
 
 /// Wheels that the readings accuse; `log_fitted`: how likely the readings are with what was fitted [natural logarithm].
 ///
@@ -39,7 +41,7 @@ pub(super) fn check(
         // A sign is a sign, whatever else is in the number.
         let supposed = if share < 0.0 { -1.0 } else { share };
         let log = log_of_share(recordings, model, j, supposed, settings)?;
-        if let Some(wheel) = model.wheels().get(j).filter(|_| log - log_fitted > settings.level_needed_nats) {
+        if let Some(wheel) = model.wheels().get(j).filter(|_| log - log_fitted > NEEDED_NATS) {
             findings.push(said(&wheel.name, share, stddev));
         }
     }

@@ -18,8 +18,8 @@ const AS_SAID: f64 = 0.25;
 /// Where values are likeliest at fixed levels.
 pub(super) struct Ascent {
     pub at: Vec<f64>,
-    /// The recordings' starts there.
-    pub starts: Vec<Start>,
+    /// The recordings' starts there, with their covariances given all readings.
+    pub starts: Vec<(Start, DMatrix<f64>)>,
     pub end: End,
     pub information: DMatrix<f64>,
     /// What passes say there.
@@ -37,7 +37,7 @@ struct Place {
 
 impl Place {
     fn ended(self, end: End, information: DMatrix<f64>) -> Ascent {
-        let starts = self.runs.into_iter().map(|(_, start)| start).collect();
+        let starts = self.passes.starts(self.runs);
         Ascent { at: self.at, starts, end, information, passes: self.passes }
     }
 }

@@ -79,6 +79,11 @@ pub fn fit_beside(
     };
     let before = begun.log_posterior;
     let mut best = problem.settled(begun, rival.log_posterior_needed)?;
+    let judged = problem.judged_again(&best.iterate)?;
+    if judged.runs() != best.iterate.runs() {
+        best.information = None;
+    }
+    best.iterate = judged;
     // Beside disturbances parameters hardly matter, and both shrink slowly: the model without them may explain everything by now.
     let undisturbed = problem.without_disturbance(&best.iterate).filter(|_| !best.is_hopeless);
     if let Some(undisturbed) = undisturbed {

@@ -7,7 +7,7 @@ use whorl_recording::Recording;
 use super::ModelAt;
 use crate::error::PredictionError;
 use crate::laws::Laws;
-use crate::levels::{Followed, follow, follow_again};
+use crate::levels::{Followed, follow, follow_on, judged_again};
 use crate::noise::Noise;
 use crate::other::Varied;
 use crate::parameter::Parameter;
@@ -56,22 +56,27 @@ impl Problem<'_> {
         followed.iter().map(Followed::log_likelihood).sum::<f64>() + self.log_prior(at)
     }
 
-    /// Each recording with the levels and the start that it shows with the model there.
+    /// Each recording with the levels and the start that it shows with the model there; where there are disturbances, what the model without them
+    /// makes of it may be that of the values before.
     pub fn followed(
         &self,
         at: &[f64],
         before: Option<&[Followed]>,
     ) -> Result<Vec<Followed>, PredictionError> {
-        let model = self.model(at)?;
-        let runs: Vec<usize> = (0..self.recordings.len()).collect();
-        each(&runs, self.settings.threads, |run| {
-            let case = Prepared::new(&self.recordings[*run], &model, *self.settings)?;
-            let stated = Noise::stated(&case)?;
-            let before = before.and_then(|before| before.get(*run));
-            Ok(before.map_or_else(|| follow(&case, &stated), |before| follow_again(&case, &stated, before)))
+        self.each_case(at, |case, run| {
+            let stated = Noise::stated(case)?;
+            let before = before.and_then(|before| before.get(run));
+            Ok(before.map_or_else(|| follow(case, &stated), |before| follow_on(case, &stated, before)))
         })
-        .into_iter()
-        .collect()
+    }
+
+    /// The same at the end of a fit.
+    pub fn judged_again(&self, iterate: &Iterate) -> Result<Iterate, PredictionError> {
+        let followed = self.each_case(&iterate.at, |case, run| {
+            Ok(judged_again(case, &Noise::stated(case)?, &iterate.followed[run]))
+        })?;
+        let log_posterior = self.log_posterior(&iterate.at, &followed);
+        Ok(Iterate { at: iterate.at.clone(), log_posterior, followed })
     }
 
     /// Passes over all recordings, which keep how innovations change.
@@ -130,13 +135,22 @@ impl Problem<'_> {
         runs: &[(Noise, Start)],
         of: impl Fn(&Prepared<'_>, usize, &(Noise, Start)) -> Result<Pass, PredictionError> + Sync,
     ) -> Result<Passes, PredictionError> {
+        self.each_case(at, |case, run| of(case, run, runs.get(run).ok_or(PredictionError::NoModel)?))
+            .map(Passes)
+    }
+
+    /// Something of each recording with the model there.
+    fn each_case<T: Send>(
+        &self,
+        at: &[f64],
+        of: impl Fn(&Prepared<'_>, usize) -> Result<T, PredictionError> + Sync,
+    ) -> Result<Vec<T>, PredictionError> {
         let model = self.model(at)?;
-        let numbers: Vec<usize> = (0..self.recordings.len().min(runs.len())).collect();
+        let numbers: Vec<usize> = (0..self.recordings.len()).collect();
         let found = each(&numbers, self.settings.threads, |run| {
-            let case = Prepared::new(&self.recordings[*run], &model, *self.settings)?;
-            of(&case, *run, &runs[*run])
+            of(&Prepared::new(&self.recordings[*run], &model, *self.settings)?, *run)
         });
-        Ok(Passes(found.into_iter().collect::<Result<_, _>>()?))
+        found.into_iter().collect()
     }
 
     /// Models a little further along each parameter, on the side where there is one.

@@ -7,7 +7,7 @@ use super::ascent::{Ascent, End};
 use super::problem::{Iterate, Problem, runs_of};
 use crate::error::PredictionError;
 use crate::fitted::LARGEST_MISFIT;
-use crate::levels::{Followed, stands};
+use crate::levels::Followed;
 
 /// Where a search ended.
 pub(super) struct Settled {
@@ -95,16 +95,19 @@ impl Problem<'_> {
                 best.stands = is_top && best.information.is_some();
                 break;
             }
-            for (run, start) in levels.followed.iter_mut().zip(starts) {
-                run.fitted.start = start;
+            for (run, (start, own)) in levels.followed.iter_mut().zip(starts) {
+                (run.fitted.start, run.fitted.covariance) = (start, own);
             }
             let Ok(followed) = self.followed(&at, Some(&levels.followed)) else { break };
-            let same = levels.followed.iter().zip(&followed).all(|(a, b)| {
-                a.noise.disturbance.is_some() == b.noise.disturbance.is_some()
-                    && stands(&a.noise, &b.noise, settings.level_stands)
-            });
+            let with_old_levels = passes.log_likelihood() + self.log_prior(&at);
+            let are_alike = levels
+                .followed
+                .iter()
+                .zip(&followed)
+                .all(|(a, b)| a.noise.disturbance.is_some() == b.noise.disturbance.is_some());
             let log_before = levels.log_posterior;
             levels = Iterate { log_posterior: self.log_posterior(&at, &followed), at, followed };
+            let same = are_alike && levels.log_posterior - with_old_levels <= settings.fit_round_nats;
             if levels.log_posterior > best.iterate.log_posterior {
                 best.iterate = levels.clone();
                 // Levels that stand make the same of the parameters.

@@ -1,0 +1,234 @@
+//! How noisy the readings are, and how large what pushes the platform besides its model: levels that the run shows.
+//!
+//! They are parameters as others are: log p has a gradient by each and an information ([`scores`]), and steps of all at once lead to
+//! the top ([`climb`]), from torques of the likeliest of sizes that are decades apart.
+
+mod climb;
+mod list;
+mod scores;
+mod trail;
+
+#[cfg(test)]
+mod tests;
+
+use whorl_recording::Channel;
+
+use crate::fitted::{FittedStart, fitted_start_near, fitted_start_within};
+use crate::guess::fastest_change;
+use crate::known::narrowed;
+use crate::likelihood::{Likelihood, likelihood_within};
+use crate::noise::{Disturbance, Noise, RandomTorque};
+use crate::prepared::Prepared;
+use crate::start::Start;
+
+use climb::climb;
+pub(crate) use trail::Trail;
+
+/// Sizes of torques that levels begin with, each a tenth of the one before: from what makes the fastest motion within a second to far below a
+/// sensor's noise.
+const SIZES: i32 = 7;
+/// Parts of a run over which levels are found, each so many times as long as the one before.
+const LONGER: usize = 6;
+/// What is not seen in a part of a run may show in a longer one: each torque has this share of the largest about its axis again when one begins.
+const LEAST_SHARE: f64 = 0.05;
+/// Disturbances are surely there if they make a run likelier by so many times what they must: what a fit on its way need not ask again.
+const SURELY: f64 = 3.0;
+
+/// A run as its filter follows it best: with the levels that it shows, and the start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Followed {
+    /// Levels of readings and disturbance.
+    pub noise: Noise,
+    /// The start with them.
+    pub fitted: FittedStart,
+    /// The model without disturbances, with the same noise of readings, from the start that it shows.
+    pub undisturbed: FittedStart,
+    /// How likely it makes the run.
+    pub undisturbed_likelihood: Likelihood,
+    /// By how much disturbances make the run likelier [natural logarithm].
+    pub gain_nats: f64,
+}
+
+impl Followed {
+    /// log p of the run with these levels [natural logarithm].
+    #[must_use]
+    pub fn log_likelihood(&self) -> f64 {
+        let gained = if self.noise.disturbance.is_some() { self.gain_nats } else { 0.0 };
+        self.undisturbed_likelihood.log + gained
+    }
+
+    /// The same by the model without disturbances.
+    #[must_use]
+    pub(crate) fn without_disturbance(&self) -> Self {
+        Self {
+            noise: self.undisturbed_noise(),
+            fitted: self.undisturbed.clone(),
+            gain_nats: 0.0,
+            ..self.clone()
+        }
+    }
+
+    /// The noise without disturbances.
+    #[must_use]
+    pub fn undisturbed_noise(&self) -> Noise {
+        Noise { disturbance: Disturbance::NONE, ..self.noise.clone() }
+    }
+}
+
+/// Follows a run with the levels that it shows, beginning with the stated ones.
+#[must_use]
+pub fn follow(case: &Prepared<'_>, stated: &Noise) -> Followed {
+    let settings = case.settings();
+    let loud = Noise { disturbance: first_guess(case), ..stated.clone() };
+    let fitted = fitted_start_within(case, &loud, settings.level_start_instants);
+    let (noise, fitted) = roughly(case, stated, &loud, fitted);
+    let part = settings.level_first_instants.saturating_mul(LONGER);
+    judged(case, climbed(case, stated, noise, fitted, part), None)
+}
+
+/// The same with a model close by, or a better one, than the one with which the run was followed before: where that one needed no disturbances, this one
+/// does not.
+#[must_use]
+pub fn follow_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> Followed {
+    if !before.fitted.start.is_of(case) {
+        return follow(case, stated);
+    }
+    if before.noise.disturbance.is_some() {
+        return judged(case, climbed_again(case, stated, before), None);
+    }
+    let (noise, fitted) = (before.noise.clone(), &before.fitted);
+    let noise = climb(case, stated, noise.clone(), &fitted.start, usize::MAX, true)
+        .map_or(noise, |found| found.noise);
+    let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &noise, fitted);
+    Followed { noise, fitted: undisturbed.clone(), undisturbed, undisturbed_likelihood, gain_nats: 0.0 }
+}
+
+/// The same on the way of a fit, which asks for the model without disturbances at its end alone: while it is far from explaining the
+/// run, what was known of it before stands.
+#[must_use]
+pub(crate) fn follow_on(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> Followed {
+    if !before.fitted.start.is_of(case) || !before.noise.disturbance.is_some() {
+        return follow_again(case, stated, before);
+    }
+    judged(case, climbed_again(case, stated, before), Some(before))
+}
+
+/// The same at the end of a fit: with torques of all correlation times again, of which those that a worse model had hidden may show by now, and with what
+/// the model without disturbances makes of the run.
+#[must_use]
+pub(crate) fn judged_again(case: &Prepared<'_>, stated: &Noise, followed: &Followed) -> Followed {
+    if !followed.noise.disturbance.is_some() {
+        return followed.clone();
+    }
+    let before = climbed_again(case, stated, followed);
+    let again = climbed(case, stated, spread(case, before.0.clone()), before.1.clone(), case.instants());
+    judged(case, if again.2 > before.2 { again } else { before }, None)
+}
+
+/// The same noise with torques of all correlation times.
+fn spread(case: &Prepared<'_>, noise: Noise) -> Noise {
+    let times_s = &case.settings().disturbance_correlations_s;
+    Noise { disturbance: noise.disturbance.spread(times_s, LEAST_SHARE), ..noise }
+}
+
+/// Levels and start by the first part of a run: of torques of all sizes the likeliest, from there the likeliest levels, and with these the start.
+fn roughly(case: &Prepared<'_>, stated: &Noise, loud: &Noise, fitted: FittedStart) -> (Noise, FittedStart) {
+    let settings = case.settings();
+    let part = settings.level_first_instants;
+    let sizes =
+        (0..SIZES).map(|k| Noise { disturbance: loud.disturbance.scaled(0.1_f64.powi(k)), ..loud.clone() });
+    let tried = sizes.map(|noise| (log_of(case, &noise, &fitted.start, part), noise));
+    let best = tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(|| loud.clone(), |(_, noise)| noise);
+    let noise =
+        climb(case, stated, best.clone(), &fitted.start, part, false).map_or(best, |found| found.noise);
+    let fitted = fitted_start_within(case, &noise, settings.level_start_instants);
+    (spread(case, noise), fitted)
+}
+
+/// The same from levels that were found with a model close by.
+fn climbed_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> (Noise, FittedStart, f64) {
+    let (noise, mut fitted) = (before.noise.clone(), before.fitted.clone());
+    // As narrow as the run makes it by now: log p depends on that.
+    let wide = Start::wide(case, &noise).covariance;
+    fitted.start.covariance = narrowed(&wide, &fitted.covariance, case.settings().start_kept);
+    climbed(case, stated, noise, fitted, case.instants())
+}
+
+/// The likeliest levels of a run from these on, by longer and longer parts of it from one of so many instants, and how likely it is: not
+/// at all where its motion is lost.
+fn climbed(
+    case: &Prepared<'_>,
+    stated: &Noise,
+    mut noise: Noise,
+    mut fitted: FittedStart,
+    mut part: usize,
+) -> (Noise, FittedStart, f64) {
+    let mut is_last = part >= case.instants();
+    loop {
+        let Some(found) = climb(case, stated, noise.clone(), &fitted.start, part, is_last) else {
+            return (noise, fitted, f64::NEG_INFINITY);
+        };
+        fitted.covariance = found.start.embedded(&fitted.covariance, fitted.start.layout);
+        (noise, fitted.start) = (found.noise, found.start);
+        if is_last {
+            let log = if found.is_cut { log_of(case, &noise, &fitted.start, usize::MAX) } else { found.log };
+            return (noise, fitted, log);
+        }
+        // Of a run that fills the memory only the first part is looked at.
+        is_last = found.instants < part;
+        if !is_last {
+            noise = spread(case, noise);
+            part = part.saturating_mul(LONGER);
+            is_last = part >= case.instants();
+        }
+    }
+}
+
+/// With disturbances if these make the run likelier by what they must.
+fn judged(
+    case: &Prepared<'_>,
+    (noise, fitted, log): (Noise, FittedStart, f64),
+    before: Option<&Followed>,
+) -> Followed {
+    let needed = by_chance_nats(noise.disturbance.count(), case.settings().level_needed_deviations);
+    if let Some(before) = before.filter(|before| log - before.undisturbed_likelihood.log > SURELY * needed) {
+        let gain_nats = log - before.undisturbed_likelihood.log;
+        return Followed { noise, fitted, gain_nats, ..before.clone() };
+    }
+    let without = Noise { disturbance: Disturbance::NONE, ..noise.clone() };
+    let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &without, &fitted);
+    let gain_nats = log - undisturbed_likelihood.log;
+    let (noise, fitted) = if gain_nats > needed && noise.disturbance.is_some() {
+        (noise, fitted)
+    } else {
+        (without, undisturbed.clone())
+    };
+    Followed { noise, fitted, undisturbed, undisturbed_likelihood, gain_nats }
+}
+
+/// By how much more parameters make data likelier that need none of them, at so many deviations of a normal variable: half a chi-squared variable,
+/// whose cube root is nearly normal (E. B. Wilson, M. M. Hilferty, *PNAS* 17 (1931) 684).
+fn by_chance_nats(parameters: usize, deviations: f64) -> f64 {
+    let degrees = parameters.max(1) as f64;
+    let spread = 2.0 / (9.0 * degrees);
+    0.5 * degrees * (1.0 - spread + deviations * spread.sqrt()).powi(3)
+}
+
+/// log p of the first so many instants of a run.
+fn log_of(case: &Prepared<'_>, noise: &Noise, start: &Start, most: usize) -> f64 {
+    let found = likelihood_within(case, noise, &start.with_levels(case, noise), most);
+    if found.lost || !found.log.is_finite() { f64::NEG_INFINITY } else { found.log }
+}
+
+/// Torques so large that they make the fastest motion of the run within a second.
+fn first_guess(case: &Prepared<'_>) -> Disturbance {
+    let (body, wheels) = fastest_change(case);
+    // Where no speed is a reading, no motor shows.
+    let shown = case.tracks().iter().any(|track| track.channel == Channel::WheelSpeed);
+    let times_s = case.settings().disturbance_correlations_s;
+    Disturbance {
+        body: times_s.map(|correlation_s| RandomTorque { stddev_b_n_m: [body; 3], correlation_s }).to_vec(),
+        motors_n_m: if shown { wheels } else { Vec::new() },
+        motors_correlation_s: case.settings().motors_correlation_s,
+    }
+}
