@@ -65,7 +65,8 @@ settings! {
     start_kept: f64 = 0.01;
     /// How often a start is found anew at most.
     start_passes: usize = 12;
-    /// Correlation times of the torque on the body that the model does not have, a sum of three random ones about each axis \[s\]. A single
+    /// Correlation times of the torque on the body that the model does not have, a sum of three random ones about each axis \[s\], of which
+    /// a run shows those that are shorter than itself. A single
     /// one of 1 s made the likelihood short by 23 nats where the true time was 3 s, in six minutes of one axis, and by 70 where it was 10 s, and
     /// then took slow laws for real; these three came within 1.2 nats from 0.3 to 10 s.
     disturbance_correlations_s: [f64; 3] = [0.3, 3.0, 30.0];
@@ -81,9 +82,9 @@ settings! {
     /// Levels stand when a step would make the run likelier by no more than this (natural logarithm): they are then closer to the likeliest than
     /// their deviations.
     level_stands_nats: f64 = 0.3;
-    /// A random torque is not seen where what readings show of it, and what they would on average, is less than this (natural logarithm):
-    /// without it the run is as likely.
-    level_seen_nats: f64 = 0.25;
+    /// A random torque is left out where even the best level of it makes the run likelier by less than this (natural logarithm): it would be
+    /// smaller than its own deviation.
+    level_seen_nats: f64 = 0.5;
     /// Disturbances are there if they make a run likelier than chance does in 999 of 1000: by half the quantile of a chi-squared variable with
     /// as many degrees as there are torques that show, which is this many deviations of a normal variable.
     level_needed_deviations: f64 = 3.09;

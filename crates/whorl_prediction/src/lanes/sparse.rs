@@ -35,22 +35,6 @@ impl Sparse {
         self.ends.push(self.entries.len());
     }
 
-    /// Only these rows of another.
-    pub fn copy_rows(&mut self, of: &Self, rows: std::ops::Range<usize>) {
-        self.clear();
-        for i in rows {
-            self.entries.extend_from_slice(of.row(i));
-            self.end_row();
-        }
-    }
-
-    /// Appends all rows of another.
-    pub fn append(&mut self, other: &Self) {
-        let before = self.entries.len();
-        self.entries.extend_from_slice(&other.entries);
-        self.ends.extend(other.ends.iter().map(|end| before + end));
-    }
-
     /// Becomes another's columns as rows, of a square matrix.
     pub fn transpose(&mut self, of: &Self) {
         self.clear();
@@ -68,11 +52,6 @@ impl Sparse {
             self.entries[self.ends[k]] = (i, x);
             self.ends[k] += 1;
         }
-    }
-
-    /// How many entries there are.
-    pub fn entry_count(&self) -> usize {
-        self.entries.len()
     }
 
     /// How many rows there are.

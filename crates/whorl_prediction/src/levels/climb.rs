@@ -21,20 +21,19 @@ const SHARES_OF_A_STEP: [f64; 3] = [1.0, 0.3, 0.1];
 const ROUGHLY: f64 = 10.0;
 /// Information on the logarithm of a variance of which nothing is known: a step then changes a level by a factor of ten or so.
 const LEAST_INFORMATION: f64 = 0.05;
+/// That is doubled so often at most: up to more than any recording has.
+const DAMPINGS: usize = 64;
 
 /// Levels, and how likely a run or its first part is with them.
 pub(super) struct Climbed {
     pub noise: Noise,
     pub start: Start,
-    /// log p of the part, and how many instants it has.
+    /// log p of the part.
     pub log: f64,
-    pub instants: usize,
-    /// It is no longer than it is because of the memory that it fills.
-    pub is_cut: bool,
 }
 
-/// Climbs from levels on over the first so many instants; `None` where the motion is lost with them. `forgets`: torques that are not
-/// seen are left out, and never come back.
+/// Climbs from levels on over the first so many instants; `None` where the motion is lost with them. `forgets`: torques that do not show are left
+/// out, and never come back.
 pub(super) fn climb(
     case: &Prepared<'_>,
     stated: &Noise,
@@ -45,28 +44,28 @@ pub(super) fn climb(
 ) -> Option<Climbed> {
     let settings = case.settings();
     let stands_nats = if forgets { settings.level_stands_nats } else { ROUGHLY * settings.level_stands_nats };
-    let mut here = Place::of(case, stated, noise, start, most)?;
+    let place = |noise: Noise, start: &Start, least| Place::of(case, stated, noise, start, most, least);
+    let mut here = place(noise, start, f64::NEG_INFINITY)?;
+    let mut needed = Vec::new();
     for _ in 0..settings.level_steps {
-        let levels = Levels::of(case, &here.climbed.noise);
-        // Two would take twice the memory.
-        let Some(trail) = here.trail.take() else { break };
-        let scores = Scores::of(&trail, &levels, &here.climbed.noise);
-        drop(trail);
-        let Some(step) = Step::of(&levels, &scores, &here.climbed.noise, stated, settings) else { break };
-        // What does not show is worth nothing.
-        let unseen = if forgets { scores.unseen(&levels, settings.level_seen_nats) } else { Vec::new() };
-        let shares = if step.gain_nats > stands_nats {
-            &SHARES_OF_A_STEP[..]
-        } else if unseen.is_empty() {
-            break;
-        } else {
-            &[0.0]
+        let (now, levels) = (&here.climbed, &here.levels);
+        let Some(step) = Step::of(levels, &here.scores, &now.noise, stated, settings) else { break };
+        let unseen = if forgets { here.unseen(settings.level_seen_nats) } else { Vec::new() };
+        let next_with = |share: f64, without: &[Level], least| {
+            place(moved(&now.noise, levels, &step.by, share, without), &now.start, least)
         };
+        let is_close = step.gain_nats <= stands_nats;
         let least = here.objective - settings.level_seen_nats * unseen.len() as f64;
-        let next = shares.iter().find_map(|share| {
-            let noise = moved(&here.climbed.noise, &levels, &step.by, *share, &unseen);
-            Place::of(case, stated, noise, &here.climbed.start, most).filter(|next| next.objective > least)
-        });
+        let is_asked = !unseen.is_empty() && unseen != needed;
+        let mut next =
+            is_asked.then(|| next_with(if is_close { 0.0 } else { 1.0 }, &unseen, least)).flatten();
+        if next.is_none() {
+            needed = unseen;
+            if is_close {
+                break;
+            }
+            next = SHARES_OF_A_STEP.iter().find_map(|share| next_with(*share, &[], here.objective));
+        }
         let Some(next) = next else { break };
         here = next;
     }
@@ -76,35 +75,67 @@ pub(super) fn climb(
 /// Levels on the way.
 struct Place {
     climbed: Climbed,
-    trail: Option<Trail>,
+    levels: Levels,
+    scores: Scores,
     /// log p of the part and of the levels.
     objective: f64,
 }
 
 impl Place {
-    fn of(case: &Prepared<'_>, stated: &Noise, noise: Noise, start: &Start, most: usize) -> Option<Self> {
+    /// `None` where the motion is lost, or nothing is likelier than `least`.
+    fn of(
+        case: &Prepared<'_>,
+        stated: &Noise,
+        noise: Noise,
+        start: &Start,
+        most: usize,
+        least: f64,
+    ) -> Option<Self> {
         let start = start.with_levels(case, &noise);
-        let (trail, log) = way(case, &noise, &start, most)?;
         let levels = Levels::of(case, &noise);
         let prior: f64 = levels.iter().map(|level| log_prior(level, &noise, stated, case.settings())).sum();
-        let (instants, is_cut) = (trail.instants.len(), trail.is_full());
-        let climbed = Climbed { noise, start, log, instants, is_cut };
-        Some(Self { objective: log + prior, climbed, trail: Some(trail) })
+        let (scores, log) = scored(case, &noise, &start, &levels, most, least - prior)?;
+        Some(Self { objective: log + prior, climbed: Climbed { noise, start, log }, levels, scores })
+    }
+
+    /// Torques that make the part hardly likelier, whatever their levels.
+    fn unseen(&self, least_nats: f64) -> Vec<Level> {
+        let torques = self.levels.iter().enumerate().filter(|(_, level)| level.is_torque());
+        torques.filter(|(i, _)| self.scores.worth_nats(*i) < least_nats).map(|(_, level)| level).collect()
     }
 }
 
-/// The way of a filter through the first so many instants of a recording, or fewer where they would fill more than 128 MB, and log p of them; `None` where the
-/// motion is lost.
-pub(super) fn way(case: &Prepared<'_>, noise: &Noise, start: &Start, most: usize) -> Option<(Trail, f64)> {
+/// What the first so many instants of a recording say of its levels, and log p of them; `None` where the motion is lost, or log p is not above `least`.
+pub(super) fn scored(
+    case: &Prepared<'_>,
+    noise: &Noise,
+    start: &Start,
+    levels: &Levels,
+    most: usize,
+    least: f64,
+) -> Option<(Scores, f64)> {
     let mut filter = Filter::new(case, noise, start).about_known_biases(start);
     let mut likelihood = Likelihood::begun(filter.log_known);
     filter.trail = Some(Trail::new(start.layout));
-    let mut count = |innovation: &Innovation| likelihood.add(innovation);
-    let has_room = |trail: &Trail| trail.instants.len() < most && !trail.is_full();
-    while filter.trail.as_ref().is_some_and(has_room) && filter.step(&mut count) {}
-    let is_lost = filter.is_lost() || !likelihood.log.is_finite();
-    let trail = filter.trail.take().filter(|_| !is_lost)?;
-    Some((trail, likelihood.log))
+    let mut scores = Scores::none(levels.count());
+    for instants in 1.. {
+        let goes_on =
+            instants <= most && filter.step(&mut |innovation: &Innovation| likelihood.add(innovation));
+        // It keeps what it was given.
+        let trail = filter.trail.as_mut()?;
+        if goes_on && !trail.is_full() {
+            continue;
+        }
+        if !goes_on && (filter.mean.lost || !(likelihood.log > least)) {
+            return None;
+        }
+        scores.add(&Scores::of(trail, levels, noise));
+        if !goes_on {
+            break;
+        }
+        trail.begin_next();
+    }
+    Some((scores, likelihood.log))
 }
 
 /// A step of the logarithms of variances.
@@ -135,17 +166,32 @@ impl Step {
                 (known(settings), -known(settings) * off(level, noise, stated))
             };
             slope[i] = squares - expected + of_prior;
-            pull[i] = squares * (squares / expected).ln() + of_prior;
+            // What no reading shows has neither.
+            let towards = squares * (squares / expected).ln();
+            pull[i] = of_prior + if towards.is_finite() { towards } else { 0.0 };
             information[(i, i)] += known;
         }
-        let most = LARGEST_STEP.ln();
-        let solved = Cholesky::new(information)?;
-        let step = |towards: &DVector<f64>| solved.solve(towards).map(|x| x.clamp(-most, most));
         // Far from the top it may lead down where levels do the same; that of the gradient itself never does.
-        let by = Some(step(&pull)).filter(|by| by.dot(&slope) > 0.0).unwrap_or_else(|| step(&slope));
+        let by = within(&information, &pull)?;
+        let by = if by.dot(&slope) > 0.0 { by } else { within(&information, &slope)? };
         let gain_nats = 0.5 * by.dot(&slope);
         gain_nats.is_finite().then_some(Self { by, gain_nats })
     }
+}
+
+/// A step in this direction that changes no level by more than it may, by as much further information as that takes: Levenberg, *Quarterly of Applied
+/// Mathematics* 2 (1944) 164.
+fn within(information: &DMatrix<f64>, towards: &DVector<f64>) -> Option<DVector<f64>> {
+    let count = towards.len();
+    let mut further = 0.0;
+    for _ in 0..DAMPINGS {
+        let step = Cholesky::new(information + DMatrix::identity(count, count) * further)?.solve(towards);
+        if step.amax() <= LARGEST_STEP.ln() {
+            return Some(step);
+        }
+        further = if further > 0.0 { 2.0 * further } else { LEAST_INFORMATION };
+    }
+    None
 }
 
 /// The same noise with levels this share of a step further, and without those that are not seen.

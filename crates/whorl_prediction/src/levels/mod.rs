@@ -5,6 +5,7 @@
 
 mod climb;
 mod list;
+mod packed;
 mod scores;
 mod trail;
 
@@ -127,8 +128,14 @@ pub(crate) fn judged_again(case: &Prepared<'_>, stated: &Noise, followed: &Follo
 
 /// The same noise with torques of all correlation times.
 fn spread(case: &Prepared<'_>, noise: Noise) -> Noise {
+    Noise { disturbance: noise.disturbance.spread(times_s(case), LEAST_SHARE), ..noise }
+}
+
+/// Correlation times of torques that come and go within a run: one that stays all along is a constant of the model.
+fn times_s<'a>(case: &'a Prepared<'_>) -> &'a [f64] {
     let times_s = &case.settings().disturbance_correlations_s;
-    Noise { disturbance: noise.disturbance.spread(times_s, LEAST_SHARE), ..noise }
+    let within = times_s.iter().take_while(|time_s| **time_s < case.duration_s()).count();
+    &times_s[..within.max(1)]
 }
 
 /// Levels and start by the first part of a run: of torques of all sizes the likeliest, from there the likeliest levels, and with these the start.
@@ -171,16 +178,11 @@ fn climbed(
         fitted.covariance = found.start.embedded(&fitted.covariance, fitted.start.layout);
         (noise, fitted.start) = (found.noise, found.start);
         if is_last {
-            let log = if found.is_cut { log_of(case, &noise, &fitted.start, usize::MAX) } else { found.log };
-            return (noise, fitted, log);
+            return (noise, fitted, found.log);
         }
-        // Of a run that fills the memory only the first part is looked at.
-        is_last = found.instants < part;
-        if !is_last {
-            noise = spread(case, noise);
-            part = part.saturating_mul(LONGER);
-            is_last = part >= case.instants();
-        }
+        noise = spread(case, noise);
+        part = part.saturating_mul(LONGER);
+        is_last = part >= case.instants();
     }
 }
 
@@ -191,7 +193,10 @@ fn judged(
     before: Option<&Followed>,
 ) -> Followed {
     let needed = by_chance_nats(noise.disturbance.count(), case.settings().level_needed_deviations);
-    if let Some(before) = before.filter(|before| log - before.undisturbed_likelihood.log > SURELY * needed) {
+    let is_sure = |before: &&Followed| {
+        noise.disturbance.is_some() && log - before.undisturbed_likelihood.log > SURELY * needed
+    };
+    if let Some(before) = before.filter(is_sure) {
         let gain_nats = log - before.undisturbed_likelihood.log;
         return Followed { noise, fitted, gain_nats, ..before.clone() };
     }
@@ -225,9 +230,10 @@ fn first_guess(case: &Prepared<'_>) -> Disturbance {
     let (body, wheels) = fastest_change(case);
     // Where no speed is a reading, no motor shows.
     let shown = case.tracks().iter().any(|track| track.channel == Channel::WheelSpeed);
-    let times_s = case.settings().disturbance_correlations_s;
+    let of_time =
+        |correlation_s: &f64| RandomTorque { stddev_b_n_m: [body; 3], correlation_s: *correlation_s };
     Disturbance {
-        body: times_s.map(|correlation_s| RandomTorque { stddev_b_n_m: [body; 3], correlation_s }).to_vec(),
+        body: times_s(case).iter().map(of_time).collect(),
         motors_n_m: if shown { wheels } else { Vec::new() },
         motors_correlation_s: case.settings().motors_correlation_s,
     }

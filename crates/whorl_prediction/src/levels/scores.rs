@@ -26,15 +26,32 @@ pub(super) struct Scores {
 }
 
 impl Scores {
+    /// Of nothing yet.
+    pub fn none(levels: usize) -> Self {
+        Self {
+            squares: DVector::zeros(levels),
+            expected: DVector::zeros(levels),
+            information: DMatrix::zeros(levels, levels),
+        }
+    }
+
+    /// With what another block says.
+    pub fn add(&mut self, other: &Self) {
+        self.squares += &other.squares;
+        self.expected += &other.expected;
+        self.information += &other.information;
+    }
+
+    /// Of a block, at whose begin the state is known as well as the filter knows it.
     pub fn of(trail: &Trail, levels: &Levels, noise: &Noise) -> Self {
         let driven = Driven::all(trail, levels, noise);
         let back = Back::along(trail, &driven);
         let (mut squares, mut expected) = (DVector::zeros(levels.count()), DVector::zeros(levels.count()));
         for (k, of) in driven.iter().enumerate() {
             squares[of.level] +=
-                0.5 * (of.density * back.squares[k] + of.variance * back.at_start[k].powi(2));
+                0.5 * (of.density * back.squares[k] + of.at_start * back.at_start[k].powi(2));
             expected[of.level] +=
-                0.5 * (of.density * back.variances[k] + of.variance * back.start_variances[k]);
+                0.5 * (of.density * back.variances[k] + of.at_start * back.start_variances[k]);
         }
         let read: Vec<Option<(usize, f64)>> = trail
             .components
@@ -50,13 +67,16 @@ impl Scores {
         Self { squares, expected, information }
     }
 
-    /// Torques of which readings show less than is expected, and both are too small to be seen.
-    pub fn unseen(&self, levels: &Levels, least_nats: f64) -> Vec<Level> {
-        let both = self.squares.iter().zip(self.expected.iter());
-        let torques = levels.iter().zip(both).filter(|(level, _)| level.is_torque());
-        let unseen =
-            torques.filter(|(_, (squares, expected))| squares <= expected && **expected < least_nats);
-        unseen.map(|(level, _)| level).collect()
+    /// By how much each level makes a run likelier than none does, at the best that it could have beside the others.
+    ///
+    /// Let it drive n numbers alike that are otherwise as noisy as one: of variance w where 1 is expected without it, and 1/(1 - x) with it as it is. Then
+    /// A = n w x (1 - x)/2, B = n x/2, and the information is x A; the best level makes the numbers likelier by n (w - 1 - ln w)/2.
+    pub fn worth_nats(&self, i: usize) -> f64 {
+        let (squares, expected) = (self.squares[i], self.expected[i]);
+        let x = self.information[(i, i)] / squares;
+        let w = squares / (expected * (1.0 - x));
+        let is_shown = w > 1.0 && w.is_finite();
+        if is_shown { expected / x * (w - 1.0 - w.ln()) } else { 0.0 }
     }
 }
 
@@ -64,9 +84,9 @@ impl Scores {
 struct Driven {
     coordinate: usize,
     level: usize,
-    /// Variance that it gains in a second, and that it has at the start.
+    /// Variance that it gains in a second, and that it has at the start of the run.
     density: f64,
-    variance: f64,
+    at_start: f64,
 }
 
 impl Driven {
@@ -80,7 +100,8 @@ impl Driven {
         let times = disturbance.coordinates(layout).zip(disturbance.times(layout));
         let all = times.enumerate().filter_map(|(k, ((coordinate, stddev), (_, correlation_s)))| {
             let (level, variance) = (levels.position(level(k))?, stddev * stddev);
-            Some(Self { coordinate, level, density: 2.0 * variance / correlation_s, variance })
+            let at_start = if trail.is_first { variance } else { 0.0 };
+            Some(Self { coordinate, level, density: 2.0 * variance / correlation_s, at_start })
         });
         all.collect()
     }
@@ -125,7 +146,7 @@ impl Back {
             for (at, length) in at.iter_mut().zip(Gain::lengths(size, due.len())) {
                 *at -= length;
             }
-            rows.copy_rows(&trail.by_state, due.clone());
+            trail.by_state.rows_to(due.clone(), &mut rows);
             gain.take_from(size, due.len(), [&trail.gains, &trail.couplings], &trail.variances, &mut { at });
             n.take_out(&rows, &gain, &mut g, &mut back.own[due]);
             for i in (0..size).filter(|i| instant.held >> i & 1 == 1) {
@@ -144,7 +165,7 @@ impl Back {
                 back.add(driven, stride.step_s, &n, &g);
                 let gradients = || driven.iter().map(|of| of.coordinate);
                 back.behind[places.clone()].iter_mut().zip(gradients()).for_each(|(to, i)| *to = g[i]);
-                transition.copy_rows(&trail.transitions, trail.transition(stride));
+                trail.transitions.rows_to(trail.transition(stride), &mut transition);
                 transposed.transpose(&transition);
                 n.grow(&transposed, None);
                 for (to, row) in moved.iter_mut().zip(transposed.rows()) {
@@ -186,7 +207,7 @@ fn forth(
     let (mut rows, mut transition) = (Sparse::default(), Sparse::default());
     let (mut gain, mut at) = (Gain::default(), [0; 3]);
     for (of, gradient) in driven.iter().zip(&back.at_start) {
-        x.row_mut(of.coordinate)[of.level] -= of.variance * gradient;
+        x.row_mut(of.coordinate)[of.level] -= of.at_start * gradient;
     }
     for (k, instant) in trail.instants.iter().enumerate() {
         let (strides, readings) = trail.before(k);
@@ -198,7 +219,7 @@ fn forth(
                 }
             };
             add(&mut x, &back.before);
-            transition.copy_rows(&trail.transitions, trail.transition(stride));
+            trail.transitions.rows_to(trail.transition(stride), &mut transition);
             x.carry(&transition);
             add(&mut x, &back.behind);
             if let Some(axis) = stride.unseen_axis {
@@ -207,7 +228,7 @@ fn forth(
         }
         (0..size).filter(|i| instant.held >> i & 1 == 1).for_each(|i| x.hold_row(i));
         let due = readings..instant.readings;
-        rows.copy_rows(&trail.by_state, due.clone());
+        trail.by_state.rows_to(due.clone(), &mut rows);
         gain.take_from(size, due.len(), [&trail.gains, &trail.couplings], &trail.variances, &mut at);
         d.clear(due.len());
         for (r, (to, own)) in read[due.clone()].iter().zip(&back.own[due]).enumerate() {

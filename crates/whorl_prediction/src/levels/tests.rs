@@ -6,7 +6,6 @@ use whorl_dynamics::{InitialState, Plant, PlatformModel};
 use whorl_recording::Recording;
 
 use super::list::Levels;
-use super::scores::Scores;
 use super::*;
 use crate::settings::Settings;
 
@@ -49,9 +48,8 @@ fn gradients_by_levels_are_differences_of_log_p() {
         Disturbance { body: body.to_vec(), motors_n_m: vec![1e-3, 2e-3, 0.0], motors_correlation_s: 1.0 };
     let noise = Noise { disturbance, ..Noise::stated(&case).unwrap() };
     let start = fitted_start_within(&case, &noise, usize::MAX).start.with_levels(&case, &noise);
-    let (trail, log) = climb::way(&case, &noise, &start, usize::MAX).unwrap();
     let levels = Levels::of(&case, &noise);
-    let scores = Scores::of(&trail, &levels, &noise);
+    let (scores, log) = climb::scored(&case, &noise, &start, &levels, usize::MAX, f64::NEG_INFINITY).unwrap();
     assert_eq!(levels.count(), 6 + 2 + 7);
     assert!((log - log_of(&case, &noise, &start, usize::MAX)).abs() < 1e-9);
     for (i, level) in levels.iter().enumerate() {

@@ -1,16 +1,17 @@
-//! The way of a filter through a recording, kept so that one can go back along it.
+//! The way of a filter through a block of a recording, kept so that one can go back along it.
 
 use nalgebra::Vector3;
 use whorl_recording::Component;
 
 use crate::gains::Gains;
-use crate::lanes::{Gain, Sparse};
+use crate::lanes::Gain;
 use crate::layout::Layout;
 use crate::rows::Readings;
 
-/// Memory for the way of a recording at most \[bytes\]: ten minutes of three sensors at 100 Hz that turn slowly, five that turn fast. Of a longer one
-/// its first part.
-const MOST_BYTES: usize = 128 << 20;
+use super::packed::Packed;
+
+/// Memory for a block at most \[bytes\]: two minutes or more of three sensors at 100 Hz, several times the longest correlation time.
+const MOST_BYTES: usize = 24 << 20;
 
 /// A step of the covariance.
 #[derive(Debug, Clone, Copy)]
@@ -32,16 +33,18 @@ pub(super) struct Instant {
     pub held: u64,
 }
 
-/// The way of a filter through a recording or its first part.
+/// The way of a filter through a block of a recording.
 #[derive(Debug, Clone)]
 pub(crate) struct Trail {
     pub(super) layout: Layout,
+    /// It begins where the recording does.
+    pub(super) is_first: bool,
     pub(super) strides: Vec<Stride>,
     /// F less one of those, one below the other.
-    pub(super) transitions: Sparse,
+    pub(super) transitions: Packed,
     pub(super) instants: Vec<Instant>,
     /// Derivatives of all readings by the state, components and innovations,
-    pub(super) by_state: Sparse,
+    pub(super) by_state: Packed,
     pub(super) components: Vec<Component>,
     pub(super) values: Vec<f64>,
     /// and their gains, of which seven digits are enough.
@@ -56,10 +59,11 @@ impl Trail {
     pub(super) fn new(layout: Layout) -> Self {
         Self {
             layout,
+            is_first: true,
             strides: Vec::new(),
-            transitions: Sparse::default(),
+            transitions: Packed::default(),
             instants: Vec::new(),
-            by_state: Sparse::default(),
+            by_state: Packed::default(),
             components: Vec::new(),
             values: Vec::new(),
             gains: Vec::new(),
@@ -69,11 +73,30 @@ impl Trail {
         }
     }
 
+    /// Forgets this block: the next one begins here.
+    pub(super) fn begin_next(&mut self) {
+        self.is_first = false;
+        self.strides.clear();
+        self.transitions.clear();
+        self.instants.clear();
+        self.by_state.clear();
+        self.components.clear();
+        self.values.clear();
+        self.gains.clear();
+        self.couplings.clear();
+        self.variances.clear();
+    }
+
     /// Whether there is no room for more.
     pub(super) fn is_full(&self) -> bool {
-        let bytes = 16 * (self.by_state.entry_count() + self.transitions.entry_count())
-            + 4 * self.gains.len()
-            + 40 * self.values.len();
+        // With the gradients on the way back.
+        let driven = self.layout.moving() - self.layout.plant.size();
+        let bytes = self.by_state.bytes()
+            + self.transitions.bytes()
+            + 4 * (self.gains.len() + self.couplings.len())
+            + (size_of::<Stride>() + 16 * driven) * self.strides.len()
+            + size_of::<Instant>() * self.instants.len()
+            + (size_of::<Component>() + 32) * self.values.len();
         bytes >= MOST_BYTES
     }
 
