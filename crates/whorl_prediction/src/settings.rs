@@ -69,7 +69,7 @@ settings! {
     /// a run shows those that are shorter than itself. A single
     /// one of 1 s made the likelihood short by 23 nats where the true time was 3 s, in six minutes of one axis, and by 70 where it was 10 s, and
     /// then took slow laws for real; these three came within 1.2 nats from 0.3 to 10 s.
-    disturbance_correlations_s: [f64; 3] = [0.3, 3.0, 30.0];
+    disturbance_correlations_s: [f64; 4] = [0.03, 0.3, 3.0, 30.0];
     /// The same of each motor's torque \[s\]: the middle one of the horizons over which predictions are shown. Faster ones look like noise
     /// of the tachometer, slower ones like friction.
     motors_correlation_s: f64 = 1.0;

@@ -30,6 +30,8 @@ pub(crate) use trail::Trail;
 const SIZES: i32 = 7;
 /// Parts of a run over which levels are found, each so many times as long as the one before.
 const LONGER: usize = 6;
+/// Random torques about each axis.
+const PROCESSES: usize = 3;
 /// What is not seen in a part of a run may show in a longer one: each torque has this share of the largest about its axis again when one begins.
 const LEAST_SHARE: f64 = 0.05;
 /// Disturbances are surely there if they make a run likelier by so many times what they must: what a fit on its way need not ask again.
@@ -135,7 +137,8 @@ fn spread(case: &Prepared<'_>, noise: Noise) -> Noise {
 fn times_s<'a>(case: &'a Prepared<'_>) -> &'a [f64] {
     let times_s = &case.settings().disturbance_correlations_s;
     let within = times_s.iter().take_while(|time_s| **time_s < case.duration_s()).count();
-    &times_s[..within.max(1)]
+    let last = within.max(1);
+    &times_s[last.saturating_sub(PROCESSES)..last]
 }
 
 /// Levels and start by the first part of a run: of torques of all sizes the likeliest, from there the likeliest levels, and with these the start.
