@@ -1,17 +1,19 @@
 //! Every set that was fitted, as it is written.
 
 use whorl_dynamics::PlatformModel;
+use whorl_dynamics::platform::TiltLimit;
 use whorl_prediction::instants_on_this_thread;
 
 use super::generator::{map, record, wrong_model};
 use crate::{FittedSet, Options, Settings, Verdict, diagnose};
 
-/// Passes over its recordings that a diagnosis of one effect may take: it took 94 when levels of noise had become parameters of the fit.
-const MOST_PASSES: f64 = 110.0;
+/// Passes over its recordings that a diagnosis of one effect may take: it took 41 when levels of noise had become parameters of the fit, 77 before.
+const MOST_PASSES: f64 = 50.0;
 
 #[test]
 fn sets_that_were_fitted_are_read_back_with_their_worth() {
-    let mut truth = PlatformModel::whorl_1_reference();
+    // It swings freely: log p jumps where a touch of a stop comes or goes with a parameter, and a fit ends where it should not.
+    let mut truth = PlatformModel { tilt_limit: TiltLimit::NONE, ..PlatformModel::whorl_1_reference() };
     truth.effects = map(&[("bearing_viscous_friction", &[("c_n_m_s", 0.05)])]);
     let run = |seed| record(&truth, seed, 50.0, None);
     let (model, prior) = wrong_model(&truth, 3);
