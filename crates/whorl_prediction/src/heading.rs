@@ -5,6 +5,7 @@ use whorl_dynamics::plant::{LinearisedPlant, Plant, ROTATION};
 use whorl_math::vertical_b;
 use whorl_recording::Channel;
 
+use crate::lanes::Lanes;
 use crate::prepared::Prepared;
 
 /// Share of the derivatives by attitude below which motion and readings do not depend on the heading: differences that make them
@@ -44,22 +45,10 @@ impl UnseenHeading {
 
     /// A covariance of the start without it.
     pub fn out_of(self, covariance: &DMatrix<f64>) -> DMatrix<f64> {
-        let mut without = covariance.clone();
-        if self.is_unseen {
-            level_rows(&mut without, &self.at_start_b);
-            without.transpose_mut();
-            level_rows(&mut without, &self.at_start_b);
-        }
-        without
-    }
-}
-
-/// Takes turns about the vertical out of the rows of the attitude.
-fn level_rows(matrix: &mut DMatrix<f64>, vertical_b: &Vector3<f64>) {
-    let mut turns = matrix.fixed_rows_mut::<3>(ROTATION.start);
-    for mut turn in turns.column_iter_mut() {
-        let about = turn.dot(vertical_b);
-        turn.axpy(-about, vertical_b, 1.0);
+        let Some(axis) = self.at_start() else { return covariance.clone() };
+        let mut lanes = Lanes::of(covariance);
+        lanes.level_covariance(&axis);
+        lanes.matrix(covariance.nrows(), covariance.ncols())
     }
 }
 

@@ -3,10 +3,10 @@
 use std::cell::Cell;
 
 use nalgebra::{DVector, Vector3};
-use whorl_dynamics::plant::{LinearisedPlant, Plant};
+use whorl_dynamics::plant::{LinearisedPlant, Plant, ROTATION};
 use whorl_recording::Component;
 
-use crate::lanes::{Gain, Sparse};
+use crate::lanes::{Gain, Sparse, level};
 use crate::layout::Layout;
 use crate::noise::Noise;
 use crate::prepared::Prepared;
@@ -127,8 +127,7 @@ impl<'a> Mean<'a> {
                 self.change[i] += by * self.beside[k];
             }
             if let Some(axis) = heading {
-                let about: f64 = (0..3).map(|i| axis[i] * self.change[i]).sum();
-                (0..3).for_each(|i| self.change[i] -= about * axis[i]);
+                level(&mut self.change[ROTATION], axis);
             }
             self.plant.change_state(&self.change);
         }

@@ -20,6 +20,7 @@ pub(crate) use sparse::{Sparse, dot};
 
 use kernels::{AddTransposed, Carry, Correct, GoBack, Grow, Multiply, TakeIn};
 use nalgebra::{DMatrix, Vector3};
+use whorl_dynamics::plant::ROTATION;
 
 /// Widths of rows: multiples of what processors handle at once. Columns of parameters go by blocks of [`BLOCK`].
 const WIDTHS: [usize; 7] = [16, 20, 24, 28, 32, 48, 64];
@@ -51,6 +52,12 @@ macro_rules! wide {
             _ => processor.dispatch($kernel::<64> { $($field: $value),* }),
         }
     }};
+}
+
+/// A turn without what is about an axis.
+pub(crate) fn level(turn: &mut [f64], axis: &Vector3<f64>) {
+    let about: f64 = turn.iter().zip(axis).map(|(x, a)| x * a).sum();
+    turn.iter_mut().zip(axis).for_each(|(x, a)| *x -= about * a);
 }
 
 impl Lanes {
@@ -141,8 +148,7 @@ impl Lanes {
     pub fn level_covariance(&mut self, axis: &Vector3<f64>) {
         self.level(axis);
         for row in self.data.chunks_exact_mut(self.width) {
-            let about = axis.x * row[0] + axis.y * row[1] + axis.z * row[2];
-            (0..3).for_each(|i| row[i] -= about * axis[i]);
+            level(&mut row[ROTATION], axis);
         }
     }
 

@@ -32,25 +32,42 @@ pub(super) struct Climbed {
     pub log: f64,
 }
 
-/// Climbs from levels on over the first so many instants; `None` where the motion is lost with them. `forgets`: torques that do not show are left
-/// out, and never come back.
+/// Of what levels are to be the likeliest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Over {
+    /// So many first instants, roughly.
+    First(usize),
+    /// The whole run: torques that do not show are left out, and never come back.
+    Run,
+}
+
+impl Over {
+    /// The first so many instants of a run that has all of these.
+    pub fn first(instants: usize, all: usize) -> Self {
+        if instants < all { Self::First(instants) } else { Self::Run }
+    }
+}
+
+/// Climbs from levels on; `None` where the motion is lost with them.
 pub(super) fn climb(
     case: &Prepared<'_>,
     stated: &Noise,
     noise: Noise,
     start: &Start,
-    most: usize,
-    forgets: bool,
+    over: Over,
 ) -> Option<Climbed> {
     let settings = case.settings();
-    let stands_nats = if forgets { settings.level_stands_nats } else { ROUGHLY * settings.level_stands_nats };
+    let (most, stands_nats) = match over {
+        Over::First(instants) => (instants, ROUGHLY * settings.level_stands_nats),
+        Over::Run => (usize::MAX, settings.level_stands_nats),
+    };
     let place = |noise: Noise, start: &Start, least| Place::of(case, stated, noise, start, most, least);
     let mut here = place(noise, start, f64::NEG_INFINITY)?;
     let mut needed = Vec::new();
     for _ in 0..settings.level_steps {
         let (now, levels) = (&here.climbed, &here.levels);
         let Some(step) = Step::of(levels, &here.scores, &now.noise, stated, settings) else { break };
-        let unseen = if forgets { here.unseen(settings.level_seen_nats) } else { Vec::new() };
+        let unseen = if over == Over::Run { here.unseen(settings.level_seen_nats) } else { Vec::new() };
         let next_with = |share: f64, without: &[Level], least| {
             place(moved(&now.noise, levels, &step.by, share, without), &now.start, least)
         };

@@ -22,7 +22,7 @@ use crate::noise::{Disturbance, Noise, RandomTorque};
 use crate::prepared::Prepared;
 use crate::start::Start;
 
-use climb::climb;
+use climb::{Over, climb};
 pub(crate) use trail::Trail;
 
 /// Sizes of torques that levels begin with, each a tenth of the one before: from what makes the fastest motion within a second to far below a
@@ -86,7 +86,7 @@ pub fn follow(case: &Prepared<'_>, stated: &Noise) -> Followed {
     let fitted = fitted_start_within(case, &loud, settings.level_start_instants);
     let (noise, fitted) = roughly(case, stated, &loud, fitted);
     let part = settings.level_first_instants.saturating_mul(LONGER);
-    judged(case, climbed(case, stated, noise, fitted, part), None)
+    judged(case, found(case, stated, noise, fitted, part), None)
 }
 
 /// The same with a model close by, or a better one, than the one with which the run was followed before: where that one needed no disturbances, this one
@@ -97,11 +97,11 @@ pub fn follow_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> F
         return follow(case, stated);
     }
     if before.noise.disturbance.is_some() {
-        return judged(case, climbed_again(case, stated, before), None);
+        return judged(case, found_again(case, stated, before), None);
     }
     let (noise, fitted) = (before.noise.clone(), &before.fitted);
-    let noise = climb(case, stated, noise.clone(), &fitted.start, usize::MAX, true)
-        .map_or(noise, |found| found.noise);
+    let noise =
+        climb(case, stated, noise.clone(), &fitted.start, Over::Run).map_or(noise, |found| found.noise);
     let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &noise, fitted);
     Followed { noise, fitted: undisturbed.clone(), undisturbed, undisturbed_likelihood, gain_nats: 0.0 }
 }
@@ -113,7 +113,7 @@ pub(crate) fn follow_on(case: &Prepared<'_>, stated: &Noise, before: &Followed) 
     if !before.fitted.start.is_of(case) || !before.noise.disturbance.is_some() {
         return follow_again(case, stated, before);
     }
-    judged(case, climbed_again(case, stated, before), Some(before))
+    judged(case, found_again(case, stated, before), Some(before))
 }
 
 /// The same at the end of a fit: with torques of all correlation times again, of which those that a worse model had hidden may show by now, and with what
@@ -123,9 +123,10 @@ pub(crate) fn judged_again(case: &Prepared<'_>, stated: &Noise, followed: &Follo
     if !followed.noise.disturbance.is_some() {
         return followed.clone();
     }
-    let before = climbed_again(case, stated, followed);
-    let again = climbed(case, stated, spread(case, before.0.clone()), before.1.clone(), case.instants());
-    judged(case, if again.2 > before.2 { again } else { before }, None)
+    let before = found_again(case, stated, followed);
+    let again =
+        found(case, stated, spread(case, before.noise.clone()), before.fitted.clone(), case.instants());
+    judged(case, if again.log > before.log { again } else { before }, None)
 }
 
 /// The same noise with torques of all correlation times.
@@ -149,52 +150,54 @@ fn roughly(case: &Prepared<'_>, stated: &Noise, loud: &Noise, fitted: FittedStar
         (0..SIZES).map(|k| Noise { disturbance: loud.disturbance.scaled(0.1_f64.powi(k)), ..loud.clone() });
     let tried = sizes.map(|noise| (log_of(case, &noise, &fitted.start, part), noise));
     let best = tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(|| loud.clone(), |(_, noise)| noise);
-    let noise =
-        climb(case, stated, best.clone(), &fitted.start, part, false).map_or(best, |found| found.noise);
+    let over = Over::First(part);
+    let noise = climb(case, stated, best.clone(), &fitted.start, over).map_or(best, |found| found.noise);
     let fitted = fitted_start_within(case, &noise, settings.level_start_instants);
     (spread(case, noise), fitted)
 }
 
-/// The same from levels that were found with a model close by.
-fn climbed_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> (Noise, FittedStart, f64) {
+/// Levels of a run, and the start with them.
+struct Found {
+    noise: Noise,
+    fitted: FittedStart,
+    /// log p of the run; where its motion is lost, minus infinity.
+    log: f64,
+}
+
+/// The likeliest levels of a run, from those that were found with a model close by.
+fn found_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> Found {
     let (noise, mut fitted) = (before.noise.clone(), before.fitted.clone());
     // As narrow as the run makes it by now: log p depends on that.
     let wide = Start::wide(case, &noise).covariance;
     fitted.start.covariance = narrowed(&wide, &fitted.covariance, case.settings().start_kept);
-    climbed(case, stated, noise, fitted, case.instants())
+    found(case, stated, noise, fitted, case.instants())
 }
 
-/// The likeliest levels of a run from these on, by longer and longer parts of it from one of so many instants, and how likely it is: not
-/// at all where its motion is lost.
-fn climbed(
+/// The same from these levels on, by longer and longer parts of the run from one of so many instants.
+fn found(
     case: &Prepared<'_>,
     stated: &Noise,
     mut noise: Noise,
     mut fitted: FittedStart,
     mut part: usize,
-) -> (Noise, FittedStart, f64) {
-    let mut is_last = part >= case.instants();
+) -> Found {
     loop {
-        let Some(found) = climb(case, stated, noise.clone(), &fitted.start, part, is_last) else {
-            return (noise, fitted, f64::NEG_INFINITY);
+        let over = Over::first(part, case.instants());
+        let Some(found) = climb(case, stated, noise.clone(), &fitted.start, over) else {
+            return Found { noise, fitted, log: f64::NEG_INFINITY };
         };
         fitted.covariance = found.start.embedded(&fitted.covariance, fitted.start.layout);
         (noise, fitted.start) = (found.noise, found.start);
-        if is_last {
-            return (noise, fitted, found.log);
+        if over == Over::Run {
+            return Found { noise, fitted, log: found.log };
         }
         noise = spread(case, noise);
         part = part.saturating_mul(LONGER);
-        is_last = part >= case.instants();
     }
 }
 
 /// With disturbances if these make the run likelier by what they must.
-fn judged(
-    case: &Prepared<'_>,
-    (noise, fitted, log): (Noise, FittedStart, f64),
-    before: Option<&Followed>,
-) -> Followed {
+fn judged(case: &Prepared<'_>, Found { noise, fitted, log }: Found, before: Option<&Followed>) -> Followed {
     let needed = by_chance_nats(noise.disturbance.count(), case.settings().level_needed_deviations);
     let is_sure = |before: &&Followed| {
         noise.disturbance.is_some() && log - before.undisturbed_likelihood.log > SURELY * needed

@@ -12,7 +12,7 @@ use whorl_dynamics::plant::ROTATION;
 use super::list::{Level, Levels};
 use super::trail::Trail;
 use crate::information::Information;
-use crate::lanes::{Gain, Lanes, Own, Sparse, dot};
+use crate::lanes::{Gain, Lanes, Own, Sparse, dot, level};
 use crate::noise::Noise;
 
 /// What a run says of its levels, by the logarithm of each variance.
@@ -157,9 +157,7 @@ impl Back {
                 let stride = trail.strides[s];
                 if let Some(axis) = stride.unseen_axis {
                     n.level_covariance(&axis);
-                    let turn = &mut g[ROTATION];
-                    let about: f64 = (0..3).map(|i| axis[i] * turn[i]).sum();
-                    (0..3).for_each(|i| turn[i] -= about * axis[i]);
+                    level(&mut g[ROTATION], &axis);
                 }
                 let places = s * count..(s + 1) * count;
                 back.add(driven, stride.step_s, &n, &g);
