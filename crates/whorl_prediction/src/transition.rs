@@ -81,8 +81,7 @@ impl Step {
         for k in 1..=MOST_TERMS {
             self.term.multiply(&self.motion, step_s / k as f64, &mut self.next);
             std::mem::swap(&mut self.term, &mut self.next);
-            self.sum.add(&self.term);
-            if self.term.largest() < SMALLEST_TERM {
+            if self.sum.add(&self.term) < SMALLEST_TERM {
                 break;
             }
         }
@@ -113,13 +112,11 @@ impl Step {
         }
         let mut sum = room.unwrap_or_else(|| self.term.clone());
         sum.clear(moving);
-        sum.add(&self.term);
-        let least = SMALLEST_TERM_ADDED * sum.largest();
+        let least = SMALLEST_TERM_ADDED * sum.add(&self.term);
         for k in 2..=MOST_TERMS {
             self.term.multiply(&self.motion, step_s / k as f64, &mut self.next);
             self.next.add_transposed(moving, &mut self.term);
-            sum.add(&self.term);
-            if self.term.largest() < least {
+            if sum.add(&self.term) < least {
                 break;
             }
         }

@@ -75,6 +75,31 @@ impl<const W: usize> NullaryFnOnce for Multiply<'_, W> {
     }
 }
 
+/// See [`super::Lanes::add`].
+pub(super) struct Add<'a, const W: usize> {
+    pub data: &'a mut [f64],
+    pub other: &'a [f64],
+}
+
+impl<const W: usize> NullaryFnOnce for Add<'_, W> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn call(self) -> f64 {
+        let rows = self.data.as_chunks_mut::<W>().0.iter_mut().zip(self.other.as_chunks::<W>().0);
+        let mut most = [0.0; W];
+        for (row, other) in rows {
+            for i in 0..W {
+                row[i] += other[i];
+                let size = other[i].abs();
+                // Unlike `max`, one instruction.
+                most[i] = if size > most[i] { size } else { most[i] };
+            }
+        }
+        most.into_iter().fold(0.0, f64::max)
+    }
+}
+
 /// See [`super::Lanes::add_transposed`].
 pub(super) struct AddTransposed<'a, const W: usize> {
     pub data: &'a [f64],

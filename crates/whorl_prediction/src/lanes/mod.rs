@@ -18,7 +18,7 @@ pub(crate) use gain::Gain;
 pub(crate) use kernels::Own;
 pub(crate) use sparse::{Sparse, dot};
 
-use kernels::{AddTransposed, Carry, Correct, GoBack, Grow, Multiply, TakeIn};
+use kernels::{Add, AddTransposed, Carry, Correct, GoBack, Grow, Multiply, TakeIn};
 use nalgebra::{DMatrix, Vector3};
 use whorl_dynamics::plant::ROTATION;
 
@@ -189,14 +189,9 @@ impl Lanes {
         wide!(self.width, AddTransposed { data: &self.data, size: size, to: &mut to.data });
     }
 
-    /// Adds another of the same shape.
-    pub fn add(&mut self, other: &Self) {
-        self.data.iter_mut().zip(&other.data).for_each(|(x, y)| *x += y);
-    }
-
-    /// What is largest, whatever its sign.
-    pub fn largest(&self) -> f64 {
-        self.data.iter().fold(0.0, |most: f64, x| most.max(x.abs()))
+    /// Adds another of the same shape; what is largest of that, whatever its sign.
+    pub fn add(&mut self, other: &Self) -> f64 {
+        wide!(self.width, Add { data: &mut self.data, other: &other.data })
     }
 
     /// Nothing is uncertain of a coordinate, or moves it.
