@@ -42,9 +42,9 @@ pub(super) enum Over {
 }
 
 impl Over {
-    /// The first so many instants of a run that has all of these.
+    /// The first so many instants of a run that has all of these; of half of it the other half is soon looked at as well.
     pub fn first(instants: usize, all: usize) -> Self {
-        if instants < all { Self::First(instants) } else { Self::Run }
+        if 2 * instants < all { Self::First(instants) } else { Self::Run }
     }
 }
 
