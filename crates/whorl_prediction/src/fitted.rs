@@ -23,8 +23,6 @@ const SETTLED: f64 = 0.01;
 const SHARE_TO_CHOOSE: f64 = 0.25;
 /// Mean square of normalised innovations above which a model does not explain a run, whatever its start.
 pub(crate) const LARGEST_MISFIT: f64 = 4.0;
-/// Steps from a start that is close already: a second shows that the first was enough.
-const NEAR_PASSES: usize = 2;
 /// What is tried of a step that makes a part less likely as a whole.
 const SHARES_OF_A_STEP: [f64; 5] = [1.0, 0.5, 0.25, 0.1, 0.03];
 /// Parts and narrowings at most; six doublings reach the whole run, and two or three narrowings follow.
@@ -61,35 +59,42 @@ pub(crate) fn fitted_start_within(case: &Prepared<'_>, noise: &Noise, most: usiz
     }
     let part = (whole as f64 * SHARE_TO_CHOOSE) as usize;
     let tried = guesses.into_iter().map(|guess| follow(case, noise, guess, part));
-    let best = tried.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(fitted, _)| fitted.start);
+    let best = tried.max_by(|a, b| a.1.log.total_cmp(&b.1.log)).map(|(fitted, _)| fitted.start);
     // What was known before is no more than it was.
     let best = best.map(|best| Start { covariance: wide.covariance.clone(), ..best });
     follow(case, noise, best.unwrap_or(wide), whole).0
 }
 
 /// The start that the whole run shows without disturbances, close to one that was found with them, and how likely the run is from
-/// there.
+/// there; with them it was so likely, which it should be without them if they are none.
 pub(crate) fn fitted_start_near(
     case: &Prepared<'_>,
     noise: &Noise,
     other: &FittedStart,
+    log_with_them: f64,
 ) -> (FittedStart, Likelihood) {
     let wide = Start::wide(case, noise);
     let known_before = wide.covariance.clone();
     let own = other.start.layout.without_disturbance(&other.covariance);
     let covariance = narrowed(&known_before, &own, case.settings().start_kept);
     let start = Start { covariance, ..wide.about(&other.start) };
-    let first = Passed::over(case, noise, start, case.instants());
-    if first.likelihood.misfit() > LARGEST_MISFIT {
-        // What a model lacks would move the start, not what the run shows of it.
-        return (first.fitted(&known_before, false), first.likelihood);
+    let mut best = Passed::over(case, noise, start, case.instants());
+    let mut stands = false;
+    if best.likelihood.misfit() <= LARGEST_MISFIT {
+        // As narrow as the whole run makes it, so that the filter is linear over it.
+        let covariance = narrowed(&known_before, &best.own, case.settings().start_kept);
+        let moved = Start { covariance, ..best.start.moved(&best.shift) };
+        best = Passed::over(case, noise, moved, case.instants());
+        stands = best.improve(case, noise, case.instants(), case.settings().start_passes, &SHARES_OF_A_STEP);
     }
-    // As narrow as the whole run makes it, so that the filter is linear over it.
-    let covariance = narrowed(&known_before, &first.own, case.settings().start_kept);
-    let moved = Start { covariance, ..first.start.moved(&first.shift) };
-    let mut best = Passed::over(case, noise, moved, case.instants());
-    let stands = best.improve(case, noise, case.instants(), NEAR_PASSES, &[1.0]);
-    (best.fitted(&known_before, stands), best.likelihood)
+    // A motion may leave an unstable rest, so that only the exact start tells where it goes: then longer and longer parts of the run lead there. What a
+    // model lacks would move the start, not what the run shows of it.
+    let again = Start { covariance: known_before.clone(), ..best.start.clone() };
+    let longer = || follow_while(case, noise, again, case.instants(), LARGEST_MISFIT);
+    let likelier = |(_, other): &(FittedStart, Likelihood)| other.log > best.likelihood.log;
+    let is_top = stands && best.likelihood.log >= log_with_them;
+    let found = if is_top { None } else { longer().filter(likelier) };
+    found.unwrap_or_else(|| (best.fitted(&known_before, stands), best.likelihood))
 }
 
 /// Improves a start by longer and longer parts of the run, up to so many instants; with the log likelihood of the last part.
@@ -97,7 +102,25 @@ pub(crate) fn fitted_start_near(
 /// On each part the start is moved until it stands: where a step makes the part less likely, a part of the step is tried. The
 /// next part begins with a covariance that has a hundredth of what this one said: a filter whose start is as wide as what was
 /// known before the run would be linear over angles for which the motion is not, however good its mean has become.
-fn follow(case: &Prepared<'_>, noise: &Noise, start: Start, most: usize) -> (FittedStart, f64) {
+fn follow(case: &Prepared<'_>, noise: &Noise, start: Start, most: usize) -> (FittedStart, Likelihood) {
+    let lost = Likelihood { log: f64::NEG_INFINITY, lost: true, ..Likelihood::default() };
+    let unmoved = FittedStart {
+        covariance: start.covariance.clone(),
+        start: start.clone(),
+        determined: 0.0,
+        stands: false,
+    };
+    follow_while(case, noise, start, most, f64::INFINITY).unwrap_or((unmoved, lost))
+}
+
+/// The same while the model explains the parts; `None` where it errs by more than this, mean square of normalised innovations.
+fn follow_while(
+    case: &Prepared<'_>,
+    noise: &Noise,
+    start: Start,
+    most: usize,
+    largest_misfit: f64,
+) -> Option<(FittedStart, Likelihood)> {
     let (instants, whole) = (case.instants(), most.max(FEWEST_INSTANTS));
     let mut part = ((instants as f64 * FIRST_PART) as usize).max(FEWEST_INSTANTS).min(whole);
     let known_before = start.covariance.clone();
@@ -105,6 +128,9 @@ fn follow(case: &Prepared<'_>, noise: &Noise, start: Start, most: usize) -> (Fit
     let mut stands = false;
     for _ in 0..MOST_ROUNDS {
         stands = best.improve(case, noise, part, case.settings().start_passes, &SHARES_OF_A_STEP);
+        if best.likelihood.misfit() > largest_misfit {
+            return None;
+        }
         let narrowed = narrowed(&known_before, &best.own, case.settings().start_kept);
         let begun = best.start.covariance.diagonal();
         let becomes = |judge: fn(f64, f64) -> bool| {
@@ -118,7 +144,7 @@ fn follow(case: &Prepared<'_>, noise: &Noise, start: Start, most: usize) -> (Fit
         part = if settled { whole } else { (2 * part).min(whole) };
         best = Passed::over(case, noise, Start { covariance: narrowed, ..best.start }, part);
     }
-    (best.fitted(&known_before, stands), best.likelihood.log)
+    Some((best.fitted(&known_before, stands), best.likelihood))
 }
 
 /// What a pass over a part of a run says of its start.

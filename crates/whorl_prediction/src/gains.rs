@@ -90,7 +90,7 @@ impl<'a> Gains<'a> {
             gain: Gain::default(),
         };
         gains.find_motion(plant);
-        gains.fastest_1_s = fastest_rate_1_s(&gains.motion);
+        gains.fastest_1_s = fastest_1_s(plant, &gains.linearised);
         gains
     }
 
@@ -131,7 +131,8 @@ impl<'a> Gains<'a> {
 
     /// The longest step that covariances may take \[s\].
     pub fn longest_s(&self) -> f64 {
-        self.case.settings().covariance_step / self.fastest_1_s.max(1e-9)
+        let fading = self.noise.disturbance.times(self.layout).map(|(_, time_s)| 1.0 / time_s);
+        self.case.settings().covariance_step / fading.fold(self.fastest_1_s, f64::max).max(1e-9)
     }
 
     /// Behind a step of the plant.
@@ -172,7 +173,7 @@ impl<'a> Gains<'a> {
             plant.linearise_into(&mut self.linearised, self.has_torques);
             self.place = now;
             self.find_motion(plant);
-            self.fastest_1_s = fastest_rate_1_s(&self.motion);
+            self.fastest_1_s = fastest_1_s(plant, &self.linearised);
             // Of the two ends.
             self.before += &self.motion;
             self.before *= 0.5;
@@ -205,4 +206,9 @@ impl<'a> Gains<'a> {
             claimed.hold(i);
         }
     }
+}
+
+/// How fast errors grow, swing or fade [1/s], or the body turns: with it derivatives change.
+fn fastest_1_s(plant: &Plant, linearised: &LinearisedPlant) -> f64 {
+    fastest_rate_1_s(&linearised.rate_by_state).max(plant.state().omega_wb_b_rad_s.norm())
 }

@@ -102,7 +102,7 @@ pub fn follow_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> F
     let (noise, fitted) = (before.noise.clone(), &before.fitted);
     let noise =
         climb(case, stated, noise.clone(), &fitted.start, Over::Run).map_or(noise, |found| found.noise);
-    let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &noise, fitted);
+    let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &noise, fitted, f64::NEG_INFINITY);
     Followed { noise, fitted: undisturbed.clone(), undisturbed, undisturbed_likelihood, gain_nats: 0.0 }
 }
 
@@ -134,11 +134,14 @@ fn spread(case: &Prepared<'_>, noise: Noise) -> Noise {
     Noise { disturbance: noise.disturbance.spread(times_s(case), LEAST_SHARE), ..noise }
 }
 
-/// Correlation times of torques that come and go within a run: one that stays all along is a constant of the model.
+/// Correlation times of torques that come and go within a run: one that stays all along is a constant of the model, and of one that is gone at the next
+/// reading no reading tells that it comes and goes.
 fn times_s<'a>(case: &'a Prepared<'_>) -> &'a [f64] {
     let times_s = &case.settings().disturbance_correlations_s;
+    let sample_s = case.duration_s() / case.instants().max(1) as f64;
+    let times_s = &times_s[times_s.iter().take_while(|time_s| **time_s < sample_s).count()..];
     let within = times_s.iter().take_while(|time_s| **time_s < case.duration_s()).count();
-    let last = within.max(1);
+    let last = within.max(1).min(times_s.len());
     &times_s[last.saturating_sub(PROCESSES)..last]
 }
 
@@ -207,7 +210,7 @@ fn judged(case: &Prepared<'_>, Found { noise, fitted, log }: Found, before: Opti
         return Followed { noise, fitted, gain_nats, ..before.clone() };
     }
     let without = Noise { disturbance: Disturbance::NONE, ..noise.clone() };
-    let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &without, &fitted);
+    let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &without, &fitted, log);
     let gain_nats = log - undisturbed_likelihood.log;
     let (noise, fitted) = if gain_nats > needed && noise.disturbance.is_some() {
         (noise, fitted)
