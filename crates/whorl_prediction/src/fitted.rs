@@ -23,6 +23,8 @@ const SETTLED: f64 = 0.01;
 const SHARE_TO_CHOOSE: f64 = 0.25;
 /// Mean square of normalised innovations above which a model does not explain a run, whatever its start.
 pub(crate) const LARGEST_MISFIT: f64 = 4.0;
+/// Steps from a start that is close already: a second shows that the first was enough.
+const NEAR_PASSES: usize = 2;
 /// What is tried of a step that makes a part less likely as a whole.
 const SHARES_OF_A_STEP: [f64; 5] = [1.0, 0.5, 0.25, 0.1, 0.03];
 /// Parts and narrowings at most; six doublings reach the whole run, and two or three narrowings follow.
@@ -85,12 +87,12 @@ pub(crate) fn fitted_start_near(
         let covariance = narrowed(&known_before, &best.own, case.settings().start_kept);
         let moved = Start { covariance, ..best.start.moved(&best.shift) };
         best = Passed::over(case, noise, moved, case.instants());
-        stands = best.improve(case, noise, case.instants(), case.settings().start_passes, &SHARES_OF_A_STEP);
+        stands = best.improve(case, noise, case.instants(), NEAR_PASSES, &[1.0]);
     }
     // A motion may leave an unstable rest, so that only the exact start tells where it goes: then longer and longer parts of the run lead there. What a
     // model lacks would move the start, not what the run shows of it.
     let again = Start { covariance: known_before.clone(), ..best.start.clone() };
-    let longer = || follow_while(case, noise, again, case.instants(), LARGEST_MISFIT);
+    let longer = || follow_while(case, noise, again, case.instants(), Likelihood::is_noise);
     let likelier = |(_, other): &(FittedStart, Likelihood)| other.log > best.likelihood.log;
     let is_top = stands && best.likelihood.log >= log_with_them;
     let found = if is_top { None } else { longer().filter(likelier) };
@@ -110,16 +112,16 @@ fn follow(case: &Prepared<'_>, noise: &Noise, start: Start, most: usize) -> (Fit
         determined: 0.0,
         stands: false,
     };
-    follow_while(case, noise, start, most, f64::INFINITY).unwrap_or((unmoved, lost))
+    follow_while(case, noise, start, most, |_| true).unwrap_or((unmoved, lost))
 }
 
-/// The same while the model explains the parts; `None` where it errs by more than this, mean square of normalised innovations.
+/// The same while this holds of the parts; `None` where it does not.
 fn follow_while(
     case: &Prepared<'_>,
     noise: &Noise,
     start: Start,
     most: usize,
-    largest_misfit: f64,
+    is_good: fn(&Likelihood) -> bool,
 ) -> Option<(FittedStart, Likelihood)> {
     let (instants, whole) = (case.instants(), most.max(FEWEST_INSTANTS));
     let mut part = ((instants as f64 * FIRST_PART) as usize).max(FEWEST_INSTANTS).min(whole);
@@ -128,7 +130,7 @@ fn follow_while(
     let mut stands = false;
     for _ in 0..MOST_ROUNDS {
         stands = best.improve(case, noise, part, case.settings().start_passes, &SHARES_OF_A_STEP);
-        if best.likelihood.misfit() > largest_misfit {
+        if !is_good(&best.likelihood) {
             return None;
         }
         let narrowed = narrowed(&known_before, &best.own, case.settings().start_kept);

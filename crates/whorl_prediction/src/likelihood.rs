@@ -8,6 +8,9 @@ use crate::noise::Noise;
 use crate::prepared::Prepared;
 use crate::start::Start;
 
+/// Share by which a variance of readings that was found with another model may be off: levels beside random torques are known to some per cent.
+const UNSURE_OF_NOISE: f64 = 0.1;
+
 /// Sums over all innovations of a recording.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Likelihood {
@@ -26,6 +29,12 @@ impl Likelihood {
     #[must_use]
     pub fn misfit(&self) -> f64 {
         self.chi_squared / self.numbers.max(1) as f64
+    }
+
+    /// Whether no more than noise is left: the misfit is 1 to five deviations of a mean of so many squares, and to what a level of noise
+    /// may be off by.
+    pub(crate) fn is_noise(&self) -> bool {
+        self.misfit() < 1.0 + UNSURE_OF_NOISE + 5.0 * (2.0 / self.numbers.max(1) as f64).sqrt()
     }
 
     /// Of no readings yet; `log_known`: what they do not say of it.

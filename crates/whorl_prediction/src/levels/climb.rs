@@ -143,7 +143,8 @@ pub(super) fn scored(
         if goes_on && !trail.is_full() {
             continue;
         }
-        if !goes_on && (filter.mean.lost || !(likelihood.log > least)) {
+        let is_likelier = likelihood.log > least;
+        if !goes_on && (filter.mean.lost || !is_likelier) {
             return None;
         }
         scores.add(&Scores::of(trail, levels, noise));
