@@ -166,9 +166,7 @@ fn the_exact_model_of_a_pendulum_explains_it() {
 /// From so close to the top, only the exact start tells when a pendulum falls: a random torque of the first seconds must not take its place.
 #[test]
 fn a_pendulum_that_leaves_the_top_is_explained() {
-    for (seed, off_rad, friction_n_m_s) in
-        [(50, 0.003, 0.0006), (51, -0.01, 0.003), (52, 0.03, 0.006), (53, 0.1, 0.0006)]
-    {
+    for (seed, off_rad, friction_n_m_s) in [(50, 0.003, 0.0006), (51, -0.01, 0.003)] {
         let from_rad = std::f64::consts::PI - off_rad;
         let pendulum =
             Pendulum { from_rad, friction_n_m_s, duration_s: 40.0, has_accelerometer: false, ..CUBE };
