@@ -44,7 +44,7 @@ pub(super) enum Over {
 impl Over {
     /// The first so many instants of a run that has all of these; of half of it the other half is soon looked at as well.
     pub fn first(instants: usize, all: usize) -> Self {
-        if 2 * instants < all { Self::First(instants) } else { Self::Run }
+        if instants < all.div_ceil(2) { Self::First(instants) } else { Self::Run }
     }
 }
 
