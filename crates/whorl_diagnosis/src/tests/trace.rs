@@ -7,7 +7,8 @@ use whorl_prediction::instants_on_this_thread;
 use super::generator::{map, record, wrong_model};
 use crate::{FittedSet, Options, Settings, Verdict, diagnose};
 
-/// Passes over its recordings that a diagnosis of one effect may take: it took 66 when levels of noise had become parameters of the fit, 77 before.
+/// Passes over its recordings that a diagnosis of one effect may take: it took 66 when levels of noise had become parameters of the
+/// fit; before, and of a platform that touched its stop, 77.
 const MOST_PASSES: f64 = 80.0;
 
 #[test]

@@ -139,10 +139,11 @@ fn spread(case: &Prepared<'_>, noise: Noise) -> Noise {
 fn times_s<'a>(case: &'a Prepared<'_>) -> &'a [f64] {
     let times_s = &case.settings().disturbance_correlations_s;
     let sample_s = case.duration_s() / case.instants().max(1) as f64;
-    let times_s = &times_s[times_s.iter().take_while(|time_s| **time_s < sample_s).count()..];
-    let within = times_s.iter().take_while(|time_s| **time_s < case.duration_s()).count();
-    let last = within.max(1).min(times_s.len());
-    &times_s[last.saturating_sub(PROCESSES)..last]
+    let shorter_than = |limit_s: f64| times_s.iter().take_while(|time_s| **time_s < limit_s).count();
+    // One there is in any case: the longest of a rig that is read once a minute, the shortest of a run of a blink.
+    let first = shorter_than(sample_s).min(times_s.len() - 1);
+    let last = shorter_than(case.duration_s()).max(first + 1);
+    &times_s[first.max(last.saturating_sub(PROCESSES))..last]
 }
 
 /// Levels and start by the first part of a run: of torques of all sizes the likeliest, from there the likeliest levels, and with these the start.
