@@ -68,7 +68,7 @@ pub(crate) fn fitted_start_within(case: &Prepared<'_>, noise: &Noise, most: usiz
 }
 
 /// The start that the whole run shows without disturbances, close to one that was found with them, and how likely the run is from
-/// there; with them it was so likely, which it should be without them if they are none.
+/// there. `log_with_them`: how likely it is with them; where it is less likely without, the start is looked for further away.
 pub(crate) fn fitted_start_near(
     case: &Prepared<'_>,
     noise: &Noise,

@@ -221,15 +221,6 @@ impl<'a> Prepared<'a> {
         self.plant.now_ns()
     }
 
-    /// From the first reading to the last \[s\].
-    pub(crate) fn duration_s(&self) -> f64 {
-        let ends = self.tracks.iter().filter_map(|track| Some((track.time_s.first()?, track.time_s.last()?)));
-        let (first, last) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), (begin, end)| {
-            (begin.min(first), end.max(last))
-        });
-        (last - first).max(0.0)
-    }
-
     /// How many numbers were read at most.
     pub(crate) fn numbers(&self) -> usize {
         self.tracks.iter().map(|track| track.time_s.len() * track.components.len()).sum()

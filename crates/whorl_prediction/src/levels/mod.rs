@@ -138,11 +138,12 @@ fn spread(case: &Prepared<'_>, noise: Noise) -> Noise {
 /// reading no reading tells that it comes and goes.
 fn times_s<'a>(case: &'a Prepared<'_>) -> &'a [f64] {
     let times_s = &case.settings().disturbance_correlations_s;
-    let sample_s = case.duration_s() / case.instants().max(1) as f64;
+    let duration_s = case.recording().duration_s();
+    let sample_s = duration_s / case.instants().max(1) as f64;
     let shorter_than = |limit_s: f64| times_s.iter().take_while(|time_s| **time_s < limit_s).count();
     // One there is in any case: the longest of a rig that is read once a minute, the shortest of a run of a blink.
     let first = shorter_than(sample_s).min(times_s.len() - 1);
-    let last = shorter_than(case.duration_s()).max(first + 1);
+    let last = shorter_than(duration_s).max(first + 1);
     &times_s[first.max(last.saturating_sub(PROCESSES))..last]
 }
 
