@@ -11,6 +11,7 @@ use crate::linearisation::Place;
 use crate::noise::Noise;
 use crate::prepared::Prepared;
 use crate::rows::Readings;
+use crate::settings::Settings;
 use crate::start::Start;
 use crate::transition::{Step, WhiteNoise, fastest_rate_1_s};
 
@@ -139,12 +140,14 @@ impl<'a> Gains<'a> {
     pub fn follow(&mut self, plant: &Plant, step_ns: i64) {
         let step_s = step_ns as f64 * 1e-9;
         self.find_step(plant, step_ns);
+        let touch = self.touch_rad_s(plant, step_s);
         self.unseen_axis = self.heading.now(plant);
         let (Step { transition, noise, of_model, .. }, axis) = (&self.step, self.unseen_axis.as_ref());
         let claimed = self.claims.as_mut().and_then(|claims| claims.covariance.as_mut());
         for (covariance, noise) in [(Some(&mut self.covariance), noise), (claimed, of_model)] {
             let Some(covariance) = covariance else { continue };
             covariance.grow(transition, noise.as_ref());
+            touch.iter().for_each(|touch_rad_s| add_square(covariance, touch_rad_s));
             for i in self.layout.moving()..self.layout.size() {
                 covariance.row_mut(i)[i] += self.case.walk_variance(self.layout, i, step_s);
             }
@@ -155,6 +158,17 @@ impl<'a> Gains<'a> {
         if let Some(claims) = &mut self.claims {
             claims.follow(&self.step, axis);
         }
+    }
+
+    /// By how much what touches may have changed the rate otherwise than the model says, one standard deviation [rad/s]; `None`:
+    /// nothing touches. Its torque is known to a share, independently from one touch to the next: white noise whose integral over a
+    /// touch has that share of the impulse.
+    fn touch_rad_s(&self, plant: &Plant, step_s: f64) -> Option<Vector3<f64>> {
+        if !self.place.touches() {
+            return None;
+        }
+        let Settings { touch_impulse_share, touch_s, .. } = self.case.settings();
+        Some(plant.contact_acceleration_b_rad_s2() * (touch_impulse_share * (touch_s * step_s).sqrt()))
     }
 
     /// What the step that ends now does to errors. Derivatives are held while the state is close to that of which they were made, and
@@ -205,6 +219,14 @@ impl<'a> Gains<'a> {
         if let Some(claimed) = self.claims.as_mut().and_then(|claims| claims.covariance.as_mut()) {
             claimed.hold(i);
         }
+    }
+}
+
+/// Adds an error of the body's rate to a covariance.
+fn add_square(covariance: &mut Lanes, of_rate: &Vector3<f64>) {
+    for (i, x) in RATE.zip(of_rate) {
+        let row = covariance.row_mut(i);
+        RATE.zip(of_rate).for_each(|(k, y)| row[k] += x * y);
     }
 }
 

@@ -9,8 +9,10 @@ pub(crate) struct Place {
     q_world_body: UnitQuaternion<f64>,
     /// Rate of the body, and what its wheels' momentum would be as a rate of it [rad/s].
     rates_rad_s: [Vector3<f64>; 2],
-    /// Which wheels are held, and which contacts touch.
-    branches: u64,
+    /// Which wheels are held,
+    held: u64,
+    /// and which contacts touch.
+    touching: [bool; 2],
 }
 
 impl Place {
@@ -21,18 +23,23 @@ impl Place {
         let momentum: Vector3<f64> = wheels
             .map(|(wheel, speed)| wheel.spin_axis_b.into_inner() * (wheel.spin_inertia_kg_m2 * speed))
             .sum();
-        let branches =
-            plant.held_wheels().chain(plant.touching()).fold(0, |bits, on| bits << 1 | u64::from(on));
+        let held = plant.held_wheels().fold(0, |bits, on| bits << 1 | u64::from(on));
         Self {
             q_world_body: state.q_world_body,
             rates_rad_s: [state.omega_wb_b_rad_s, momentum / inertia_kg_m2],
-            branches,
+            held,
+            touching: plant.touching(),
         }
+    }
+
+    /// Whether anything touches.
+    pub fn touches(&self) -> bool {
+        self.touching != [false; 2]
     }
 
     /// How far another place is: an angle, and rates against the fastest motion, or 1 rad/s; infinite on another branch.
     pub fn distance_rad(&self, other: &Self, fastest_1_s: f64) -> f64 {
-        if self.branches != other.branches {
+        if (self.held, self.touching) != (other.held, other.touching) {
             return f64::INFINITY;
         }
         let angle = 2.0 * (self.q_world_body.inverse() * other.q_world_body).imag().norm();

@@ -91,6 +91,14 @@ settings! {
     /// Factor by which a stated noise may be off, one standard deviation. An assumption: data sheets give typical values, and the
     /// bandwidth that is set changes them. It counts only where there are few readings.
     stated_noise_factor: f64 = 1.5;
+    /// Relative error of the impulse of a touch, one standard deviation. An assumption: impacts of the same pair of bodies scatter by some per cent,
+    /// and a model's stop is a stand-in, of the same stiffness and damping by inertia for every bearing. Of a platform that swings from stop to
+    /// stop, with the right model, log p jumped by up to 25 nats between delays of valves half a millisecond apart at none, by up to 13 at 0.03,
+    /// by up to 3 at this.
+    touch_impulse_share: f64 = 0.1;
+    /// How long a touch takes that has this error \[s\]: half a swing of a bearing's own stop, pi over the root of its stiffness by
+    /// inertia (233 1/s^2); what leans for longer has errors that are independent from one such time to the next.
+    touch_s: f64 = 0.2;
     /// Threads on which recordings are looked at side by side; results do not depend on it.
     threads: usize = 2;
     /// Share of a parameter's unit over which differences are taken: the motion is linear over it to about as much.

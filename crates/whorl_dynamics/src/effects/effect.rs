@@ -266,9 +266,4 @@ pub trait Effect: Sync + fmt::Debug {
     fn contact_tilt_rad(&self, _values: &[f64]) -> Option<f64> {
         None
     }
-
-    /// Whether something touches in this state: where that changes, an integrator cuts its step.
-    fn touches(&self, _values: &[f64], _environment: &Environment<'_>) -> bool {
-        false
-    }
 }

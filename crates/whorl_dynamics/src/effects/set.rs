@@ -7,7 +7,7 @@ use std::ops::Range;
 use nalgebra::{Matrix3, Vector3};
 use whorl_math::words::ranked;
 
-use super::{Effect, EffectError, Role, ThrustLag, TrueImu, catalogue, find};
+use super::{Effect, EffectError, Role, ThrustLag, Touching, TrueImu, catalogue, find};
 use crate::{Environment, PlatformModel};
 
 /// Hidden states the integrator holds.
@@ -193,10 +193,12 @@ impl EffectSet {
         self.acting().filter_map(|a| a.effect.contact_tilt_rad(&a.values)).min_by(f64::total_cmp)
     }
 
-    /// Whether any contact touches.
+    /// Torque of the contacts, body axes [N m]; zero: none touches.
     #[must_use]
-    pub fn touches(&self, environment: &Environment<'_>) -> bool {
-        self.acting().any(|a| a.effect.touches(&a.values, environment))
+    pub fn contact_torque_b_n_m(&self, environment: &Environment<'_>) -> Vector3<f64> {
+        let environment = Environment { touching: Touching::AsItIs, ..*environment };
+        let contacts = self.acting().filter(|a| a.effect.contact_tilt_rad(&a.values).is_some());
+        contacts.map(|a| a.effect.torque_b_n_m(&a.values, &environment, &[])).sum()
     }
 
     /// Sum of [`Effect::reaction_inertia_b_kg_m2`].

@@ -95,11 +95,6 @@ impl Effect for TiltStopContact {
     fn contact_tilt_rad(&self, values: &[f64]) -> Option<f64> {
         Some(Contact::of(values).angle_rad)
     }
-
-    fn touches(&self, values: &[f64], environment: &Environment<'_>) -> bool {
-        let environment = Environment { touching: Touching::AsItIs, ..*environment };
-        self.torque_b_n_m(values, &environment, &[]) != Vector3::zeros()
-    }
 }
 
 /// Whether a one-sided contact touches, as far as its torque is concerned.

@@ -185,14 +185,20 @@ impl Gyrostat {
         ))
     }
 
-    /// Whether the bearing's stop touches, and whether a contact among the effects does.
+    /// Torque of the bearing's stop, and that of the contacts among the effects, body axes [N m]; zero: it does not touch.
     #[inline]
-    pub(crate) fn touches(&self, time_s: f64, state: &State, drive: &Drive) -> [bool; 2] {
+    pub(crate) fn contact_torques_b_n_m(
+        &self,
+        time_s: f64,
+        state: &State,
+        drive: &Drive,
+    ) -> [Vector3<f64>; 2] {
         let vertical_b = vertical_b(&state.q_world_body);
         let stop = self.stop_torque_b_n_m(&vertical_b, &state.omega_wb_b_rad_s, Touching::AsItIs);
-        let contact =
-            self.effects.has_contact() && self.effects.touches(&self.environment(time_s, state, drive));
-        [stop.is_some_and(|torque| torque != Vector3::zeros()), contact]
+        let has_contact = self.effects.has_contact();
+        let of_effects =
+            has_contact.then(|| self.effects.contact_torque_b_n_m(&self.environment(time_s, state, drive)));
+        [stop, of_effects].map(Option::unwrap_or_default)
     }
 
     /// Time derivative of `state`, into `to`, which with `forces` was made for this platform or holds zeros.

@@ -145,7 +145,8 @@ impl Plant {
     }
 
     fn touches_after(&self, state: &State, offset_s: f64) -> [bool; 2] {
-        self.gyrostat.touches(self.time_s() + offset_s, state, &self.drive)
+        let torques_b_n_m = self.gyrostat.contact_torques_b_n_m(self.time_s() + offset_s, state, &self.drive);
+        torques_b_n_m.map(|torque| torque != nalgebra::Vector3::zeros())
     }
 
     /// Keeps the branch of each contact for the steps to come; `None`: lets go of them.

@@ -135,7 +135,18 @@ impl Plant {
     /// Whether the bearing's own stop touches, and whether a contact among the effects does.
     #[must_use]
     pub fn touching(&self) -> [bool; 2] {
-        self.gyrostat.touches(self.time_s(), &self.state, &self.drive)
+        self.contact_torques_b_n_m().map(|torque| torque != Vector3::zeros())
+    }
+
+    /// Angular acceleration by what touches, body axes [rad/s^2].
+    #[must_use]
+    pub fn contact_acceleration_b_rad_s2(&self) -> Vector3<f64> {
+        self.gyrostat.rate_equation().inverse_resisting()
+            * self.contact_torques_b_n_m().iter().sum::<Vector3<f64>>()
+    }
+
+    fn contact_torques_b_n_m(&self) -> [Vector3<f64>; 2] {
+        self.gyrostat.contact_torques_b_n_m(self.time_s(), &self.state, &self.drive)
     }
 
     /// What gyro [rad/s] and accelerometer [m/s^2] read now without noise, limits, latency and biases that are drawn,
