@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use whorl_dynamics::effects::Role;
 use whorl_dynamics::{Effect, Gyrostat, ModelPrior, PlatformModel};
-use whorl_prediction::{Fitted, Parameter, Rival, Settings, fit_beside};
+use whorl_prediction::{Fitted, Followed, Parameter, Rival, Settings, fit_beside};
 use whorl_recording::Recording;
 
 use crate::explanations::candidates::Design;
@@ -27,6 +27,9 @@ pub struct Fit {
     pub is_explained: bool,
     /// Pairs of parameters of the effects that the recordings do not tell apart.
     pub ties: Vec<Tie>,
+    /// Each recording as the filter follows it with the model, training runs first; of those that were held out as many as the fit was
+    /// tried on.
+    pub followed: Vec<Followed>,
 }
 
 /// One fitted parameter.
@@ -219,7 +222,7 @@ impl<'a> Refit<'a> {
                 at_bound: fitted.at_bound.get(i).copied().unwrap_or(false),
             });
         }
-        Ok(Fit { model, prior, estimates, is_explained, ties: Vec::new() })
+        Ok(Fit { model, prior, estimates, is_explained, ties: Vec::new(), followed: fitted.followed.clone() })
     }
 
     /// The model at a point, with the base effects folded into its constants.

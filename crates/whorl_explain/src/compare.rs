@@ -1,6 +1,7 @@
 //! How far a model is from recorded runs.
 
-use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
+use whorl_prediction::Followed;
 use whorl_recording::Recording;
 use whorl_validation::Comparison;
 
@@ -20,14 +21,24 @@ pub struct ComparedRun {
 /// # Errors
 /// When a run cannot be compared, with what would help.
 pub fn compare(case: &Case<'_>, say: &mut ProgressCallback<'_>) -> Result<Vec<ComparedRun>, ExplainError> {
+    compare_fitted(case, &[], say)
+}
+
+/// The same of a model that was fitted, with the runs as the fit has followed them, as far as it has.
+pub(crate) fn compare_fitted(
+    case: &Case<'_>,
+    followed: &[Followed],
+    say: &mut ProgressCallback<'_>,
+) -> Result<Vec<ComparedRun>, ExplainError> {
     let training = case.training.iter().map(|run| (run, false));
     let all: Vec<(&Recording, bool)> = training.chain(case.held_out.iter().map(|run| (run, true))).collect();
     let names: Vec<&str> = all.iter().map(|(run, _)| run.name.as_str()).collect();
     say(0.0, &format!("comparing {}", names.join(", ")));
-    let compared = |(run, held_out): (&Recording, bool)| -> Result<ComparedRun, ExplainError> {
-        Ok(ComparedRun { comparison: whorl_validation::compare(run, case.model)?, held_out })
+    let compared = |(i, (run, held_out)): (usize, (&Recording, bool))| -> Result<ComparedRun, ExplainError> {
+        let comparison = whorl_validation::compare_as(run, case.model, followed.get(i))?;
+        Ok(ComparedRun { comparison, held_out })
     };
-    let results: Vec<_> = all.into_par_iter().map(compared).collect();
+    let results: Vec<_> = all.into_par_iter().enumerate().map(compared).collect();
     // The first error in the order of the runs.
     results.into_iter().collect()
 }

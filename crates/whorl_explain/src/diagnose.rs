@@ -2,7 +2,7 @@
 
 use whorl_diagnosis::{Diagnosis, Options, Progress, Verdict};
 use whorl_recording::Mounting;
-use whorl_validation::{SMALL_ERROR, UnexplainedTorques, unexplained_torques};
+use whorl_validation::{SMALL_ERROR, UnexplainedTorques, unexplained_torques_as};
 
 use crate::adopt::{Version, versions};
 use crate::locate::check_plausible;
@@ -62,14 +62,18 @@ fn unexplained(case: &Case<'_>, versions: &[Version]) -> Option<UnexplainedTorqu
     if !case.model.freedom.turns() {
         return None;
     }
-    let fit = |with_effects: bool| {
-        versions.iter().filter(|v| v.effects.is_empty() != with_effects).find_map(|v| v.fit.as_ref())
+    let torques = |version: &Version| {
+        let model = version.fit.as_ref().map_or(case.model, |fit| &fit.model);
+        let known = version.runs.first().map(|run| &run.comparison.followed);
+        unexplained_torques_as(recording, model, known).ok()
     };
     // Parameters moved implausibly far would hide or imitate the missing effect.
-    let base =
-        fit(false).filter(|fit| check_plausible(case, fit).is_ok()).map_or(case.model, |fit| &fit.model);
-    let before = unexplained_torques(recording, base).ok()?;
-    let after = fit(true).and_then(|fit| unexplained_torques(recording, &fit.model).ok());
+    let is_plausible =
+        |version: &&Version| version.fit.as_ref().is_none_or(|fit| check_plausible(case, fit).is_ok());
+    let (with, without): (Vec<&Version>, Vec<&Version>) =
+        versions.iter().partition(|version| !version.effects.is_empty());
+    let before = torques(without.into_iter().rfind(is_plausible)?)?;
+    let after = with.first().and_then(|version| torques(version));
     Some(UnexplainedTorque { run: recording.name.clone(), before, after })
 }
 

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use whorl_diagnosis::{Fit, Options, fit};
 use whorl_dynamics::PlatformModel;
 use whorl_recording::Recording;
-use whorl_validation::{Followed, Localisation, UnexplainedTorques, explain_where};
+use whorl_validation::{Localisation, UnexplainedTorques, explain_where, unexplained_torques_as};
 
 use crate::adopt::plausibility::farthest;
 use crate::{Case, ExplainError, ProgressCallback};
@@ -45,11 +45,11 @@ pub fn locate(
     let fitted = fit(case.training, case.model, case.prior, &[], options);
     let plausible = fitted.map_err(|error| error.to_string()).and_then(|fitted| {
         check_plausible(case, &fitted)?;
-        Ok(fitted.model)
+        Ok((fitted.model, fitted.followed))
     });
-    let (model, not_refitted) = match plausible {
-        Ok(model) => (model, None),
-        Err(reason) => (case.model.clone(), Some(reason)),
+    let ((model, known), not_refitted) = match plausible {
+        Ok(fitted) => (fitted, None),
+        Err(reason) => ((case.model.clone(), Vec::new()), Some(reason)),
     };
     let all: Vec<&Recording> = case.training.iter().chain(case.held_out).collect();
     say(
@@ -60,15 +60,16 @@ pub fn locate(
             format!("following {} runs", all.len())
         },
     );
-    let followed: Vec<_> = all.par_iter().map(|run| Followed::new(run, &model)).collect();
-    let followed: Vec<Followed> = followed.into_iter().collect::<Result<_, _>>()?;
+    let torques_of = |(i, run): (usize, &&Recording)| unexplained_torques_as(run, &model, known.get(i));
+    let torques: Vec<_> = all.par_iter().enumerate().map(torques_of).collect();
+    let torques: Vec<UnexplainedTorques> = torques.into_iter().collect::<Result<_, _>>()?;
     say(0.9, "analysing the runs");
-    let pooled = explain_where(&followed.iter().collect::<Vec<_>>(), &model)?;
+    let with_torques: Vec<_> = all.iter().copied().zip(&torques).collect();
+    let pooled = explain_where(&with_torques, &model)?;
     let mut runs = Vec::new();
-    for run in followed.iter().filter(|_| all.len() > 1) {
-        runs.push(explain_where(&[run], &model)?);
+    for run in with_torques.iter().filter(|_| all.len() > 1) {
+        runs.push(explain_where(&[*run], &model)?);
     }
-    let torques = followed.into_iter().map(|followed| followed.torques).collect();
     Ok(Located { pooled, runs, torques, model, not_refitted })
 }
 

@@ -14,7 +14,7 @@ pub mod statistics;
 mod tests;
 mod unexplained;
 
-pub use comparison::{Comparison, SMALL_ERROR, compare, prediction_error};
+pub use comparison::{Comparison, SMALL_ERROR, compare, compare_as, prediction_error};
 pub use error::ValidationError;
-pub use localisation::{Followed, Localisation, OfMotor, explain_where};
-pub use unexplained::{UnexplainedTorques, unexplained_torques};
+pub use localisation::{Localisation, OfMotor, WithTorques, explain_where};
+pub use unexplained::{UnexplainedTorques, unexplained_torques, unexplained_torques_as};

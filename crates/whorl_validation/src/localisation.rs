@@ -10,7 +10,7 @@ use crate::dependence::{
     Dependence, Dependences, Frame, Growth, Parity, Residual, Variable, conditions, dependences,
 };
 use crate::error::ValidationError;
-use crate::unexplained::{UnexplainedTorques, unexplained_torques};
+use crate::unexplained::UnexplainedTorques;
 
 /// Excess over the noise below which there is nothing to locate.
 const LEAST_EXCESS: f64 = 0.05;
@@ -60,37 +60,25 @@ pub struct OfMotor {
 }
 
 /// A run, and what pushed the platform in it beside its model.
-#[derive(Debug, Clone)]
-pub struct Followed<'a> {
-    recording: &'a Recording,
-    /// The torques.
-    pub torques: UnexplainedTorques,
-}
-
-impl<'a> Followed<'a> {
-    /// Follows a run.
-    ///
-    /// # Errors
-    /// As [`unexplained_torques`].
-    pub fn new(recording: &'a Recording, model: &PlatformModel) -> Result<Self, ValidationError> {
-        Ok(Self { recording, torques: unexplained_torques(recording, model)? })
-    }
-}
+pub type WithTorques<'a> = (&'a Recording, &'a UnexplainedTorques);
 
 /// Finds in which regime `model` fails, over all of these runs.
 ///
 /// # Errors
 /// Where something is unexplained in runs that are too short to see on what it depends.
-pub fn explain_where(runs: &[&Followed<'_>], model: &PlatformModel) -> Result<Localisation, ValidationError> {
-    let torques = || runs.iter().map(|run| &run.torques);
+pub fn explain_where(
+    runs: &[WithTorques<'_>],
+    model: &PlatformModel,
+) -> Result<Localisation, ValidationError> {
+    let torques = || runs.iter().map(|(_, torques)| *torques);
     let names: Vec<&str> = torques().map(|torques| torques.run.as_str()).collect();
     let run = names.join(", ");
     let dependences_of = |residual: &dyn Fn(&UnexplainedTorques) -> Option<Residual>| {
         let (mut residuals, mut variables) = (Vec::new(), Vec::<Vec<Variable>>::new());
-        for run in runs {
-            if let Some(residual) = residual(&run.torques) {
+        for (recording, torques) in runs {
+            if let Some(residual) = residual(torques) {
                 residuals.push(residual);
-                variables.push(conditions(run.recording, model, &run.torques.states));
+                variables.push(conditions(recording, model, &torques.states));
             }
         }
         if residuals.is_empty() {

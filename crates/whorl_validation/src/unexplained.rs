@@ -2,7 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 use whorl_dynamics::PlatformModel;
-use whorl_prediction::{Disturbance, Noise, Prepared, Settings, SmoothedState, follow, smoothed};
+use whorl_prediction::{
+    Disturbance, Followed, Noise, Prepared, Settings, SmoothedState, follow_as, smoothed,
+};
 use whorl_recording::Recording;
 use whorl_trajectory::noise::typical_step_s;
 use whorl_trajectory::{Needs, check};
@@ -41,10 +43,22 @@ pub fn unexplained_torques(
     recording: &Recording,
     model: &PlatformModel,
 ) -> Result<UnexplainedTorques, ValidationError> {
+    unexplained_torques_as(recording, model, None)
+}
+
+/// The same with the run as a fit that ended with this model has followed it, if one has.
+///
+/// # Errors
+/// As [`unexplained_torques`].
+pub fn unexplained_torques_as(
+    recording: &Recording,
+    model: &PlatformModel,
+    known: Option<&Followed>,
+) -> Result<UnexplainedTorques, ValidationError> {
     check(recording, model, &Needs { shortest_s: 0.0, free: false, accelerometer: false })?;
     let case = Prepared::new(recording, model, Settings::default())?;
     let stated = Noise::stated(&case)?;
-    let followed = follow(&case, &stated);
+    let followed = follow_as(&case, &stated, known);
     let read = [&recording.gyro_b_rad_s.time_s, &recording.wheel_speed_rad_s.time_s];
     let steps = read.into_iter().filter(|times| times.len() > 1).map(|times| typical_step_s(times));
     let every_s = EVERY_S.min(EVERY_READINGS * steps.fold(f64::INFINITY, f64::min));

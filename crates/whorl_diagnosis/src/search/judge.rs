@@ -53,8 +53,6 @@ struct Alone {
     fit: Arc<JudgedFit>,
     /// Which of them the recordings show.
     shown: Vec<bool>,
-    /// Recordings that were held out, with them.
-    held_out: Vec<Followed>,
 }
 
 /// What the samples have said of sets, which does not depend on how they are divided into bins.
@@ -170,7 +168,8 @@ impl Search<'_> {
         let mut fits = BTreeMap::new();
         for names in sets {
             if let Some(judged) = self.fitted.get(&names).and_then(|set| set.judged.as_ref()) {
-                let fit = judged.fit.refit(&self.problem.reference).described(&judged.fit.fitted)?;
+                let mut fit = judged.fit.refit(&self.problem.reference).described(&judged.fit.fitted)?;
+                fit.followed.extend_from_slice(&judged.fit.held_out);
                 fits.insert(names, fit);
             }
         }
@@ -278,7 +277,7 @@ impl Judge<'_> {
         let found = likelihoods(&fitted, &held_out);
         let deviations = fitted.covariance.diagonal().map(f64::sqrt);
         let shown = deviations.iter().map(|deviation| *deviation < search.options.settings.unshown).collect();
-        Ok((Alone { fit: judged_fit(refit, fitted), shown, held_out }, found))
+        Ok((Alone { fit: judged_fit(refit, fitted, held_out), shown }, found))
     }
 
     fn likeliest(
@@ -356,11 +355,9 @@ impl Judgement<'_> {
         let fitted = judge.likeliest(&refit, &[found, beside, without], rival)?;
         // A set that gains nothing needs no test on held-out recordings.
         let gains = fitted.log_posterior > alone.fit.fitted.log_posterior;
-        let likelihoods = if gains {
-            likelihoods(&fitted, &judge.follow_held_out(&refit, &fitted.at, &alone.held_out)?)
-        } else {
-            likelihoods(&fitted, &alone.held_out)
-        };
+        let held_out =
+            if gains { judge.follow_held_out(&refit, &fitted.at, &alone.fit.held_out)? } else { Vec::new() };
+        let likelihoods = likelihoods(&fitted, if gains { &held_out } else { &alone.fit.held_out });
         // Distance of an effect from zero, in standard deviations.
         let distance = |id: &str| {
             let own =
@@ -368,12 +365,12 @@ impl Judgement<'_> {
             own.map(|(i, _)| fitted.at[i].abs() / fitted.covariance[(i, i)].sqrt()).fold(0.0, f64::max)
         };
         let weakest = set.names.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).cloned();
-        Ok(Judged { likelihoods, weakest, fit: judged_fit(refit, fitted) })
+        Ok(Judged { likelihoods, weakest, fit: judged_fit(refit, fitted, held_out) })
     }
 }
 
-fn judged_fit(refit: Refit<'_>, fitted: Fitted) -> Arc<JudgedFit> {
-    Arc::new(JudgedFit { fitted, columns: refit.columns, stddevs: refit.stddevs })
+fn judged_fit(refit: Refit<'_>, fitted: Fitted, held_out: Vec<Followed>) -> Arc<JudgedFit> {
+    Arc::new(JudgedFit { fitted, columns: refit.columns, stddevs: refit.stddevs, held_out })
 }
 
 /// How likely recordings are.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use whorl_prediction::{Fitted as FittedToSamples, Laws, Settings, hints};
+use whorl_prediction::{Fitted as FittedToSamples, Followed, Laws, Settings, hints};
 use whorl_recording::Recording;
 
 use crate::DiagnosisError;
@@ -127,6 +127,8 @@ pub(crate) struct JudgedFit {
     /// What was fitted, and the standard deviation known before, in their units.
     pub columns: Vec<Column>,
     pub stddevs: Vec<f64>,
+    /// Recordings that were held out, as the filter follows them with it; none of a set that gains nothing.
+    pub held_out: Vec<Followed>,
 }
 
 impl JudgedFit {

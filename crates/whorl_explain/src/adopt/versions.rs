@@ -7,7 +7,7 @@ use whorl_diagnosis::{DiagnosisError, Fit, FittedParameter, Fitter, Options};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::find;
 
-use crate::compare::{ComparedRun, compare, prediction_error};
+use crate::compare::{ComparedRun, compare, compare_fitted, prediction_error};
 use crate::{Case, ExplainError, ProgressCallback, part};
 
 /// Suffix of the names of corrections.
@@ -84,7 +84,7 @@ pub fn versions(
         fitted.estimates.iter_mut().for_each(|p| say_in_full(p, case.model, &after));
         say_together(&mut fitted);
         let compared = part(say, share(k + 1) + 0.5 / count, share(k + 2));
-        let mut runs = compare(&case.with_model(&after), &mut { compared })?;
+        let mut runs = compare_fitted(&case.with_model(&after), &fitted.followed, &mut { compared })?;
         // What makes predictions worse stays as it was given.
         let is_worse = |runs: &[ComparedRun], given: &Version| {
             prediction_error(runs, false)

@@ -71,6 +71,9 @@ pub type Rehearse<'a> = dyn Fn(&str, &str) -> Result<Recording, String> + Sync +
 #[must_use]
 pub fn leading_explanation(case: &Case<'_>, diagnosis: &Diagnosis, options: &Options) -> PlatformModel {
     let ids: Vec<&str> = diagnosis.effects.iter().map(String::as_str).collect();
+    if let Some(known) = diagnosis.fits.get(&diagnosis.effects) {
+        return known.model.clone();
+    }
     let fitted = fit(case.training, case.model, case.prior, &ids, options);
     fitted.map_or_else(|_| case.model.clone(), |fitted| fitted.model)
 }

@@ -89,6 +89,13 @@ pub fn follow(case: &Prepared<'_>, stated: &Noise) -> Followed {
     judged(case, found(case, stated, noise, fitted, part), None)
 }
 
+/// What a fit that ended with this model has handed out of the run; where nobody has, or for a model with other states, it is found.
+#[must_use]
+pub fn follow_as(case: &Prepared<'_>, stated: &Noise, known: Option<&Followed>) -> Followed {
+    let known = known.filter(|known| known.fitted.start.is_of(case) && known.undisturbed.start.is_of(case));
+    known.cloned().unwrap_or_else(|| follow(case, stated))
+}
+
 /// The same with a model close by, or a better one, than the one with which the run was followed before: where that one needed no disturbances, this one
 /// does not.
 #[must_use]

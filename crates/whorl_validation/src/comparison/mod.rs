@@ -15,7 +15,7 @@ pub use words::SMALL_ERROR;
 
 use serde::Serialize;
 use whorl_dynamics::PlatformModel;
-use whorl_prediction::{Noise, Prepared, Settings, Told, follow, predict, simulate};
+use whorl_prediction::{Followed, Noise, Prepared, Settings, Told, follow_as, predict, simulate};
 use whorl_recording::Recording;
 use whorl_trajectory::{Needs, check};
 
@@ -68,6 +68,9 @@ pub struct Comparison {
     /// Curves for plots; not part of the JSON.
     #[serde(skip)]
     pub overlays: Vec<Overlay>,
+    /// The run as the filter with this model follows it; not part of the JSON.
+    #[serde(skip)]
+    pub followed: Followed,
 }
 
 /// Compares a recording with a model.
@@ -75,10 +78,22 @@ pub struct Comparison {
 /// # Errors
 /// If no comparison is possible, with advice: see [`ValidationError`].
 pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Comparison, ValidationError> {
+    compare_as(recording, model, None)
+}
+
+/// The same with the run as a fit that ended with this model has followed it, if one has.
+///
+/// # Errors
+/// As [`compare`].
+pub fn compare_as(
+    recording: &Recording,
+    model: &PlatformModel,
+    known: Option<&Followed>,
+) -> Result<Comparison, ValidationError> {
     check(recording, model, &Needs { shortest_s: 0.0, free: false, accelerometer: false })?;
     let case = Prepared::new(recording, model, Settings::default())?;
     let stated = Noise::stated(&case)?;
-    let followed = follow(&case, &stated);
+    let followed = follow_as(&case, &stated, known);
     let duration_s = recording.duration_s();
     let longest_s = HORIZONS_S[2].min(duration_s / FEWEST_STRETCHES);
     let horizons_s: Vec<f64> = HORIZONS_S.into_iter().filter(|h| *h < longest_s).chain([longest_s]).collect();
@@ -129,6 +144,7 @@ pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Compariso
         closed_loop: recording.closed_loop,
         gyro_bias_rad_s: [0, 1, 2].map(|axis| bias(axis).unwrap_or(0.0)),
         overlays,
+        followed,
     })
 }
 

@@ -11,10 +11,10 @@ use whorl_recording::{Mounting, Recording};
 
 use super::generator::{platform, record, turning};
 use crate::dependence::{Growth, Parity};
-use crate::{Followed, Localisation, explain_where, unexplained_torques};
+use crate::{Localisation, explain_where, unexplained_torques};
 
 fn located(recording: &whorl_recording::Recording, model: &PlatformModel) -> Localisation {
-    explain_where(&[&Followed::new(recording, model).unwrap()], model).unwrap()
+    explain_where(&[(recording, &unexplained_torques(recording, model).unwrap())], model).unwrap()
 }
 
 fn with_effect(model: &PlatformModel, id: &str, parameters: &[(&str, f64)]) -> PlatformModel {
@@ -172,9 +172,9 @@ fn what_a_run_does_not_show_is_said() {
         "{:?}",
         where_.remarks
     );
-    let short = Followed::new(&still(40), &model).unwrap_err().to_string();
+    let short = unexplained_torques(&still(40), &model).unwrap_err().to_string();
     assert_eq!(short, "still: 40 readings of the gyro are too few; record at least 50");
     let nothing = Recording { name: "empty".to_owned(), ..Recording::default() };
-    let empty = Followed::new(&nothing, &model).unwrap_err().to_string();
+    let empty = unexplained_torques(&nothing, &model).unwrap_err().to_string();
     assert!(empty.starts_with("empty: there are no gyro data"), "{empty}");
 }
