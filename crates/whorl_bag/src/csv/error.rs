@@ -27,6 +27,16 @@ pub enum CsvError {
         /// The reason.
         source: std::io::Error,
     },
+    /// A file of another program.
+    #[error("{}: this is {what}, no CSV file: {then}", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// What it is.
+        what: &'static str,
+        /// What makes CSV of it.
+        then: String,
+    },
     /// Not CSV: unequal numbers of cells, wrong UTF-8, or a damaged compressed file.
     #[error("{}:{line}: {reason}", path.display())]
     Format {

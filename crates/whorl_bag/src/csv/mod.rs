@@ -5,6 +5,7 @@ mod clock;
 mod error;
 mod export;
 mod flatten;
+mod foreign;
 pub mod held;
 mod import;
 mod iso;

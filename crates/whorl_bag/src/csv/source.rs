@@ -45,7 +45,11 @@ impl Source {
     /// Opens a file, compressed with gzip or not: by its content, because names lie.
     pub fn open(path: &Path, delimiter: u8) -> Result<Self, CsvError> {
         let mut file = BufReader::new(whorl_files::open_file(path).map_err(CsvError::io("open", path))?);
-        let compressed = file.fill_buf().map_err(CsvError::io("read", path))?.starts_with(&[0x1f, 0x8b]);
+        let begins = file.fill_buf().map_err(CsvError::io("read", path))?;
+        if let Some((what, then)) = super::foreign::told(path, begins) {
+            return Err(CsvError::Foreign { path: path.to_owned(), what, then });
+        }
+        let compressed = begins.starts_with(&[0x1f, 0x8b]);
         let input: Box<dyn Read + Send> =
             if compressed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
         Self::new(input, delimiter).map_err(CsvError::io("read", path))
