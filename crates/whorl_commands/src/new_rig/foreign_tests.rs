@@ -109,3 +109,40 @@ fn somebody_who_says_which_kind_of_rig_it_is_is_believed() {
         assert!(whorl_recording::read_model(&made.rig, None).is_ok(), "{word}");
     }
 }
+
+/// A gyro and an accelerometer with a buffer of `of` samples, read 25 times a second: all of them have the time of reading.
+fn buffered(of: usize, value: impl Fn(f64, usize) -> String) -> String {
+    let mut text = "t_s,gx,gy,gz,ax,ay,az\n".to_owned();
+    for k in 0..2000 {
+        let (read, at) = (k / of, k as f64 / (25.0 * of as f64));
+        let _ = writeln!(text, "{:.2},{}", (read + 1) as f64 / 25.0, value(at, k % of));
+    }
+    text
+}
+
+#[test]
+fn bursts_of_one_time_are_told_from_lines_that_were_written_twice() {
+    let moving = |t: f64| format!("{:.5},0.01,{:.5},0.02,0.03,9.81", (2.0 * t).sin(), 0.5 * (3.0 * t).cos());
+    let (made, folder) = of_text(&buffered(8, |t, _| moving(t)), &mut Nobody);
+    assert_eq!(line(&made, "time: {").0, "time: {column: t_s, unit: s, duplicates: burst}");
+    let recording = is_taken(&made, &folder.path().join("hand.csv"));
+    let times = &recording.gyro_b_rad_s.time_s;
+    assert_eq!(times.len(), 2000);
+    assert!(times.windows(2).all(|two| (two[1] - two[0] - 0.005).abs() < 1e-6), "{:?}", &times[..20]);
+    // Each sample has the time at which it was measured: a sine, but for a start of the clock.
+    let start = recording.gyro_b_rad_s.value[0].x.asin() / 2.0;
+    let off =
+        |(t, rate): (&f64, &nalgebra::Vector3<f64>)| (rate.x - (2.0 * (t - times[0] + start)).sin()).abs();
+    assert!(times.iter().zip(&recording.gyro_b_rad_s.value).all(|sample| off(sample) < 1e-4));
+    assert_eq!(line(&made, "rate_hz: 200.0").1, Origin::Measured);
+    // The same line twice.
+    let twice = buffered(2, |t, place| moving(t - place as f64 / 50.0));
+    let (made, folder) = of_text(&twice, &mut Nobody);
+    assert_eq!(line(&made, "time: {").0, "time: {column: t_s, unit: s, duplicates: first}");
+    assert_eq!(is_taken(&made, &folder.path().join("hand.csv")).gyro_b_rad_s.len(), 1000);
+    // Sensors in lines of their own share a time and are none.
+    let apart = buffered(2, |t, place| {
+        if place == 0 { format!("{:.5},0.01,{:.5},,,", t.sin(), t.cos()) } else { ",,,0.02,0.03,9.81".into() }
+    });
+    assert_eq!(line(&of_text(&apart, &mut Nobody).0, "time: {").0, "time: {column: t_s, unit: s}");
+}

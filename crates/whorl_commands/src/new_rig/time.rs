@@ -68,10 +68,53 @@ pub fn time(columns: &[(&Named, &LookedColumn)], lines: usize) -> Sourced<String
         (None, None, None) => (&UNITS[0], Origin::Assumed, "check it".to_owned()),
     };
     let rate_hz = 1.0 / (step * chosen.1);
-    let text = format!("time: {{column: {}, unit: {}}}", quoted(&name.column), chosen.0);
-    let with_rate =
-        format!("{words}; a new time usually after {} s, {} Hz", number(step * chosen.1), number(rate_hz));
+    let (key, said) = match duplicates(column, columns) {
+        Some((kind, why)) => (format!(", duplicates: {kind}"), format!("; {why}")),
+        None => Default::default(),
+    };
+    let text = format!("time: {{column: {}, unit: {}{key}}}", quoted(&name.column), chosen.0);
+    let with_rate = format!(
+        "{words}; a new time usually after {} s, {} Hz{said}",
+        number(step * chosen.1),
+        number(rate_hz)
+    );
     Sourced::new(text, origin, with_rate)
+}
+
+/// What several lines of one time are, by their numbers, as of messages in bags: bursts of a sensor with a buffer where most times have
+/// samples that differ; else the first of each time counts. `None` where no sensor has two samples at one time.
+fn duplicates(time: &LookedColumn, columns: &[(&Named, &LookedColumn)]) -> Option<(&'static str, String)> {
+    let sensors = || columns.iter().filter(|(name, _)| matches!(name.meaning, Some(Meaning::Channel(_))));
+    let (mut times, mut twice, mut differ) = (0_usize, 0_usize, 0_usize);
+    let mut last = f64::NAN;
+    for (line, at) in time.numbers.iter().enumerate().filter(|(_, at)| at.is_finite()) {
+        if *at != std::mem::replace(&mut last, *at) {
+            times += 1;
+            continue;
+        }
+        let both = sensors().filter_map(|(_, column)| {
+            let two = column.numbers.get(line.checked_sub(1)?..=line)?;
+            two.iter().all(|x| x.is_finite()).then_some(two)
+        });
+        let (mut is_twice, mut is_other) = (false, false);
+        both.for_each(|two| {
+            is_twice = true;
+            is_other |= two.first() != two.last();
+        });
+        twice += usize::from(is_twice);
+        differ += usize::from(is_other);
+    }
+    if twice == 0 {
+        return None;
+    }
+    let share = (times + twice) as f64 / times.max(1) as f64;
+    Some(if 2 * differ >= times {
+        ("burst", format!("{} samples have one time, and differ: read in bursts", number(share)))
+    } else if differ == 0 {
+        ("first", format!("{twice} lines stand there twice"))
+    } else {
+        ("first", format!("{twice} lines have the time of the line before: the first counts; check it"))
+    })
 }
 
 /// Whether a column rises by one from line to line.
