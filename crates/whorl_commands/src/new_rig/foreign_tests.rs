@@ -146,3 +146,62 @@ fn bursts_of_one_time_are_told_from_lines_that_were_written_twice() {
     });
     assert_eq!(line(&of_text(&apart, &mut Nobody).0, "time: {").0, "time: {column: t_s, unit: s}");
 }
+
+#[test]
+fn columns_without_a_sensor_are_those_of_the_file_by_its_name() {
+    for (name, key) in [
+        ("Gyroscope.csv", "gyro: {columns: [x, \"y\", z], unit: rad/s}"),
+        ("GyroscopeUncalibrated.csv", "gyro: {columns: [x, \"y\", z], unit: rad/s}"),
+        ("TotalAcceleration.csv", "accelerometer: {columns: [x, \"y\", z], unit: m/s^2}"),
+        ("Accelerometer.2026-11-26.csv", "accelerometer: {columns: [x, \"y\", z], unit: m/s^2}"),
+    ] {
+        let mut noise = Noise(4);
+        let up = if key.starts_with("gyro") { 0.0 } else { 9.81 };
+        let mut text = "time,seconds_elapsed,z,y,x\n".to_owned();
+        for k in 0..1000 {
+            let (ns, [x, y, z]) = (
+                1_700_000_000_000_000_000_i64 + k * 10_000_000,
+                [0.0, 0.0, up].map(|f| f + 0.002 * noise.next()),
+            );
+            let _ = writeln!(text, "{ns},{:.7},{z:.6},{y:.6},{x:.6}", k as f64 / 100.0);
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join(name);
+        std::fs::write(&file, &text).unwrap();
+        let made = new_rig(&file, folder.path(), None, &mut Nobody).unwrap();
+        assert_eq!(line(&made, key).0, key, "{name}");
+        let nameless = folder.path().join("recording.csv");
+        std::fs::write(&nameless, &text).unwrap();
+        let error = format!("{:#}", new_rig(&nameless, folder.path(), None, &mut Nobody).unwrap_err());
+        assert!(error.contains("no column is known"), "{error}");
+    }
+}
+
+#[test]
+fn a_px4_log_in_csv_is_read() {
+    let mut noise = Noise(12);
+    let mut text = "timestamp,gyro_rad[0],gyro_rad[1],gyro_rad[2],gyro_integral_dt,accelerometer_timestamp_relative,accelerometer_m_s2[0],\
+                    accelerometer_m_s2[1],accelerometer_m_s2[2],accelerometer_integral_dt,accelerometer_clipping,gyro_clipping\n"
+        .to_owned();
+    for k in 0..2000 {
+        let [gx, gy, gz] = [0.0; 3].map(|f: f64| f + 0.003 * noise.next());
+        let [x, y, z] = [0.0, 0.0, -9.81].map(|f| f + 0.03 * noise.next());
+        let _ = writeln!(
+            text,
+            "{},{gx:.6},{gy:.6},{gz:.6},4000,0,{x:.5},{y:.5},{z:.5},4000,0,0",
+            54_321_000 + k * 4000
+        );
+    }
+    let (made, folder) = of_text(&text, &mut Nobody);
+    assert_eq!(line(&made, "time: {").0, "time: {column: timestamp, unit: us}");
+    assert!(
+        line(&made, "gyro: {")
+            .0
+            .contains("[\"gyro_rad[0]\", \"gyro_rad[1]\", \"gyro_rad[2]\"], unit: rad/s}")
+    );
+    assert!(line(&made, "accelerometer: {").0.ends_with("unit: m/s^2}"));
+    // px4 has x forward, y right, z down.
+    assert!(made.notes.iter().any(|note| note.contains("z points down")), "{:?}", made.notes);
+    let recording = is_taken(&made, &folder.path().join("hand.csv"));
+    assert!((recording.gyro_b_rad_s.time_s[1999] - 7.996).abs() < 1e-9);
+}

@@ -5,6 +5,7 @@
 //! axes. Every line says where its number is from; what no file can say is asked of somebody, or marked.
 
 mod axes;
+mod bare;
 mod channels;
 #[cfg(test)]
 mod foreign_tests;
@@ -158,7 +159,7 @@ fn draft(file: &Path, preset: Option<Preset>, ask: &mut dyn Ask) -> anyhow::Resu
         return topics::draft(&run.bag()?).with_context(|| file.display().to_string());
     }
     let look = whorl_bag::look(file, LOOKED_AT)?;
-    let mut called = table::Called::new();
+    let mut called = bare::by_file(&look, file);
     let drafted = |called: &table::Called| {
         table::draft(&look, called, preset).with_context(|| file.display().to_string())
     };
@@ -242,8 +243,9 @@ fn complete(
     notes.extend(recording.gaps());
     if seen.up_b.is_some_and(|up_b| up_b.z < UPSIDE_DOWN) {
         notes.push(
-            "The accelerometer reads -1 g on z at rest: the rig lies on its face, or all three signs are reversed. A sensor that stands \
-             upright reads +1 g there (specific force); -ax, -ay, -az in the map reverse them."
+            "The accelerometer reads -1 g on z at rest: z points down (as in px4: forward, right, down), the rig lies on its face, or all \
+             three signs are reversed. A sensor whose z points up reads +1 g there (specific force): -y and -z in the map turn axes that \
+             point right and down, of all sensors; -ax, -ay, -az reverse signs."
                 .to_owned(),
         );
     }
