@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use serde_json::json;
+use whorl_commands::new_rig::next::Next;
 use whorl_commands::new_rig::questions::{Ask, Nobody};
 use whorl_commands::new_rig::{NewRig, Preset, new_rig};
 
@@ -40,7 +41,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         new_rig(&arguments.file, &arguments.out, preset, &mut Nobody)?
     };
     tell(&made, &arguments.file);
-    arguments.json.write(|| Ok(as_json(&made)))
+    arguments.json.write(|| Ok(as_json(&made, &arguments.file)))
 }
 
 fn tell(made: &NewRig, file: &Path) {
@@ -69,11 +70,16 @@ fn tell(made: &NewRig, file: &Path) {
     for reason in &made.refused {
         say!("to be corrected first: {reason}");
     }
-    let (file, map, rig) = (file.display(), made.map.display(), made.rig.display());
-    say!("next: whorl compare {file} --channels {map} --model {rig}");
+    let command = made.next.arguments(file, &made.map, &made.rig);
+    let command = command.map(|arguments| format!("whorl {}", arguments.join(" "))).unwrap_or_default();
+    match &made.next {
+        Next::Compare => say!("next: {command}"),
+        Next::Estimate(why) => say!("next: {command}   (no comparison with a model: {why})"),
+        Next::Missing(what) => say!("next: no command explains this recording as it is: {what}."),
+    }
 }
 
-fn as_json(made: &NewRig) -> serde_json::Value {
+fn as_json(made: &NewRig, file: &Path) -> serde_json::Value {
     let lines: Vec<_> = made
         .lines
         .iter()
@@ -82,10 +88,13 @@ fn as_json(made: &NewRig) -> serde_json::Value {
             Some(json!({"line": line.text, "from": origin.word(), "how": words}))
         })
         .collect();
+    let next = made.next.arguments(file, &made.map, &made.rig);
+    let missing = if let Next::Missing(what) = &made.next { Some(what) } else { None };
     json!({
         "schema": 1, "platform": made.platform, "model": made.rig, "channels": made.map, "lines": lines,
         "samples": made.samples.iter().map(|(name, count)| json!({"channel": name, "samples": count})).collect::<Vec<_>>(),
         "not_used": made.ignored, "notes": made.notes, "to_be_mended": made.refused, "assumed": made.assumed(),
+        "next": next, "missing": missing,
     })
 }
 

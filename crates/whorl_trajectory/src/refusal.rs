@@ -140,7 +140,8 @@ pub fn check(recording: &Recording, model: &PlatformModel, needs: &Needs) -> Res
     } else if recording.gyro_b_rad_s.len() < 2 {
         return missing(
             "gyro",
-            "record imu/data_raw, or check that its values are numbers: the motion cannot be analysed without rates",
+            "record rates (topic imu/data_raw, or columns that the map names as gyro), or check that its values are numbers: the motion cannot be \
+             analysed without them",
         );
     }
     let axes = recording.gyro_axes();

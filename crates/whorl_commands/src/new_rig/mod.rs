@@ -11,7 +11,10 @@ mod channels;
 mod foreign_tests;
 pub mod lines;
 mod measure;
+#[cfg(test)]
+mod motion_tests;
 mod names;
+pub mod next;
 pub mod questions;
 mod rig;
 mod table;
@@ -34,6 +37,7 @@ use crate::runs::write;
 use channels::MapDraft;
 use lines::{Lines, Origin, Sourced};
 use measure::{Measured, measure};
+use next::Next;
 use questions::Ask;
 use rig::Parts;
 
@@ -103,6 +107,8 @@ pub struct NewRig {
     pub notes: Vec<String>,
     /// Why the commands that explain data would refuse it, if they would.
     pub refused: Vec<String>,
+    /// What to do with it next.
+    pub next: Next,
 }
 
 impl NewRig {
@@ -260,6 +266,7 @@ fn complete(
         samples: samples.collect(),
         ignored: draft.ignored.iter().map(|name| shortened(name, LONGEST_NAME).into_owned()).collect(),
         refused,
+        next: next::next(&recording, &known, (!draft.is_bag).then_some(map), &rig_lines),
         notes,
         lines: map_lines.0.into_iter().chain(rig_lines.0).collect(),
     })
