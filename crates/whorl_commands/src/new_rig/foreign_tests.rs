@@ -8,7 +8,7 @@ use super::tests::{Answers, Noise, PLAIN, is_taken, line, of_text, table};
 use super::{Preset, new_rig};
 
 /// A wheel of 4.2e-4 kg m^2 whose torque steps up and down: a line is `t, speed [rad/s], torque [N m]`, as `write` writes it.
-fn wheel(header: &str, write: impl Fn(f64, f64, f64) -> String) -> String {
+pub(super) fn wheel(header: &str, write: impl Fn(f64, f64, f64) -> String) -> String {
     let (mut noise, mut speed, mut text) = (Noise(9), 0.0, format!("{header}\n"));
     for k in 0..3000 {
         let t = f64::from(k) / 100.0;

@@ -9,12 +9,15 @@ mod bare;
 mod channels;
 #[cfg(test)]
 mod foreign_tests;
+mod group;
+mod hinge;
 pub mod lines;
 mod measure;
 #[cfg(test)]
 mod motion_tests;
 mod names;
 pub mod next;
+mod otherwise;
 pub mod questions;
 mod rig;
 mod table;
@@ -35,6 +38,7 @@ use whorl_recording::{
 
 use crate::runs::write;
 use channels::MapDraft;
+use hinge::HINGE_ANGLE;
 use lines::{Lines, Origin, Sourced};
 use measure::{Measured, measure};
 use next::Next;
@@ -182,9 +186,15 @@ fn draft(file: &Path, preset: Option<Preset>, ask: &mut dyn Ask) -> anyhow::Resu
         let why = if known.is_empty() {
             let there = names.join(", ");
             format!(
-                "no column is known as a gyro's, an accelerometer's or a wheel's speed; there are: {}. Names that are known are gx, \
-                 gyro_x, ax, acc_x, wheel_speed_1 and many like these; docs/recordings.md shows how to write a map by hand",
-                shortened(&there, LONGEST_LIST)
+                "no column is known as a gyro's, an accelerometer's, a wheel's speed or a hinge's angle; there are: {}. Names that are \
+                 known are gx, gyro_x, ax, acc_x, wheel_speed_1, yaw_deg and many like these; docs/recordings.md shows how to write a \
+                 map by hand{}",
+                shortened(&there, LONGEST_LIST),
+                draft
+                    .notes
+                    .iter()
+                    .map(|note| format!(". {}", note.trim_end_matches('.')))
+                    .collect::<String>()
             )
         } else {
             let known = known.join(", ");
@@ -291,10 +301,10 @@ fn parts_of(draft: &MapDraft, parts: &mut Parts) {
     parts.gyro_axes = match gyro {
         None => [false; 3],
         Some(_) if draft.is_bag => [true; 3],
-        Some(entry) if entry.key == "hinge_angle" => [false, false, true],
+        Some(entry) if entry.key == HINGE_ANGLE => hinge::axes(entry),
         Some(entry) => there(entry),
     };
-    parts.is_angle = gyro.is_some_and(|entry| entry.key == "hinge_angle");
+    parts.is_angle = gyro.is_some_and(|entry| entry.key == HINGE_ANGLE);
     let both = draft.is_bag && gyro.is_some_and(|entry| entry.key == "imu");
     parts.force_axes = match draft.entry(Channel::Accelerometer) {
         None => [both; 3],

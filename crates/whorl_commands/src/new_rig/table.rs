@@ -3,22 +3,18 @@
 use std::collections::BTreeMap;
 
 use whorl_bag::{Channel, CsvLook, Form, LookedColumn, NO_COLUMN};
-use whorl_math::statistics::median;
 
 use super::channels::{Entry, MapDraft};
-use super::lines::{Origin, Sourced, number};
+use super::group::{Group, Groups, cell, steady_length, usual_length};
+use super::hinge::take_angle;
+use super::lines::{Origin, Sourced};
 use super::names::{Axis, Meaning, Named, named};
+use super::otherwise::{by_numbers, seen_otherwise};
 use super::time::time;
 use super::{Preset, units};
 
-/// A length that scatters by less than this share of itself is that of a direction \[1\].
-const STEADY: f64 = 0.1;
-/// Lengths that are gravity, in each unit of specific force, within this share \[1\].
-const NEAR: f64 = 0.2;
 /// What somebody said that columns are, as names that are known, by the names that they have.
 pub type Called = BTreeMap<String, String>;
-/// Columns of one sensor.
-type Group<'a> = Vec<(&'a Named, &'a LookedColumn)>;
 
 /// The draft of a file's map.
 ///
@@ -39,7 +35,7 @@ pub fn draft(look: &CsvLook, called: &Called, preset: Option<Preset>) -> anyhow:
         None => named(&column.name),
     };
     let names: Vec<Named> = look.columns.iter().map(name_of).collect();
-    let mut groups: BTreeMap<(String, Option<Meaning>), Group<'_>> = BTreeMap::new();
+    let mut groups: Groups<'_> = BTreeMap::new();
     for (name, column) in names.iter().zip(&look.columns) {
         if column.present().next().is_some() || column.dates > 0 {
             groups.entry((name.stem.clone(), name.meaning)).or_default().push((name, column));
@@ -66,10 +62,8 @@ pub fn draft(look: &CsvLook, called: &Called, preset: Option<Preset>) -> anyhow:
         }
     }
     take_wheels(&mut draft, wheels);
-    if !draft.entries.iter().any(|entry| is_turning(entry.channel)) {
-        let mut angles = groups.iter().filter(|((_, meaning), _)| *meaning == Some(Meaning::Angle));
-        let first = angles.find_map(|(_, group)| group.first());
-        draft.entries.extend(first.map(|(name, column)| angle(name, column)));
+    if draft.entry(Channel::Gyro).is_none() && preset != Some(Preset::WheelBench) {
+        take_angle(&mut draft, &in_order);
     }
     take_vectors(&mut draft, vectors);
     draft.entries.sort_by_key(|entry| entry.channel);
@@ -82,11 +76,6 @@ pub fn draft(look: &CsvLook, called: &Called, preset: Option<Preset>) -> anyhow:
         );
     }
     Ok(draft)
-}
-
-/// Whether it shows a rotation.
-fn is_turning(channel: Channel) -> bool {
-    channel.info().is_motion && channel != Channel::Accelerometer
 }
 
 /// What is not as usual between the cells.
@@ -105,103 +94,6 @@ fn form(look: &CsvLook) -> Vec<Sourced<String>> {
         form.push(Sourced::new("decimal: \",\"".to_owned(), Origin::Measured, "so the numbers are written"));
     }
     form
-}
-
-/// What three columns of one name are, by their length.
-fn by_numbers(group: &Group<'_>) -> Option<Meaning> {
-    let length = steady_length(group)?;
-    let is_gravity = units::of_gravity(length, NEAR).is_some();
-    Some(Meaning::Channel(if is_gravity { Channel::Accelerometer } else { Channel::Vector }))
-}
-
-/// What a name stands for beside other columns: `u_x, u_y, u_z` of length one are a direction and no torques, `w` beside `u` is a
-/// wheel's speed, `velocity` that of a hinge where nothing else turns, and a lone `torque` then acts on the body.
-fn seen_otherwise(
-    meaning: Meaning,
-    group: &Group<'_>,
-    all: &BTreeMap<(String, Option<Meaning>), Group<'_>>,
-    preset: Option<Preset>,
-) -> Option<Channel> {
-    let named = |wanted: Channel| {
-        all.iter().filter(move |((_, meaning), _)| *meaning == Some(Meaning::Channel(wanted)))
-    };
-    let has =
-        |wanted: Channel| named(wanted).any(|(_, group)| group.iter().any(|(name, _)| name.axis.is_some()));
-    let is_called = |wanted: Meaning| all.keys().any(|(_, meaning)| *meaning == Some(wanted));
-    let alone = group.iter().all(|(name, _)| name.axis.is_none());
-    let turns_alone = is_called(Meaning::Turning) || is_called(Meaning::Angle);
-    let is_hinge = match preset {
-        Some(preset) => preset == Preset::Hinge,
-        None => turns_alone && !has(Channel::Gyro) && !is_called(Meaning::Channel(Channel::WheelSpeed)),
-    };
-    let channel = match meaning {
-        Meaning::Channel(channel) => channel,
-        Meaning::Turning if is_hinge => Channel::Gyro,
-        Meaning::Turning if preset == Some(Preset::WheelBench) || has(Channel::Gyro) => Channel::WheelSpeed,
-        _ => return None,
-    };
-    Some(match channel {
-        Channel::WheelTorqueCommand
-            if steady_length(group).is_some_and(|length| (length - 1.0).abs() < 0.02) =>
-        {
-            Channel::Vector
-        }
-        Channel::WheelTorqueCommand if alone && is_hinge && named(Channel::WheelSpeed).next().is_none() => {
-            Channel::BodyTorque
-        }
-        Channel::Gyro
-            if alone
-                && meaning != Meaning::Turning
-                && !has(Channel::Gyro)
-                && is_called(Meaning::Channel(Channel::WheelTorqueCommand)) =>
-        {
-            Channel::WheelSpeed
-        }
-        other => other,
-    })
-}
-
-/// The usual length of three columns x, y, z, if it hardly varies.
-fn steady_length(group: &Group<'_>) -> Option<f64> {
-    let axis = |k: usize| cell(group, Axis::Body(k)).map(|(_, column)| column);
-    let (x, y, z) = (axis(0)?, axis(1)?, axis(2)?);
-    let lengths = x.numbers.iter().zip(&y.numbers).zip(&z.numbers);
-    let lengths: Vec<f64> = lengths
-        .map(|((x, y), z)| (x * x + y * y + z * z).sqrt())
-        .filter(|length| length.is_finite())
-        .collect();
-    let usual = median(lengths.iter().copied());
-    let spread = median(lengths.iter().map(|length| (length - usual).abs()));
-    (usual > 0.0 && spread < STEADY * usual).then_some(usual)
-}
-
-/// The usual length of the columns that there are, where they are fewer than three axes.
-fn usual_length(members: &Group<'_>) -> Option<f64> {
-    if members.len() >= 3 {
-        return None;
-    }
-    let lines = members.iter().map(|(_, column)| column.numbers.len()).max()?;
-    let square = |k: usize| {
-        members.iter().map(|(_, column)| column.numbers.get(k).map_or(f64::NAN, |x| x * x)).sum::<f64>()
-    };
-    let usual = median((0..lines).map(|k| square(k).sqrt()).filter(|length| length.is_finite()));
-    (usual > 0.0).then_some(usual)
-}
-
-/// The column of an axis; of three that are numbered, those are x, y and z.
-fn cell<'a>(group: &Group<'a>, axis: Axis) -> Option<(&'a Named, &'a LookedColumn)> {
-    let find = |axis: Axis| group.iter().find(|(name, _)| name.axis == Some(axis)).copied();
-    find(axis).or_else(|| {
-        let mut numbers: Vec<usize> = group
-            .iter()
-            .filter_map(|(name, _)| if let Some(Axis::Number(n)) = name.axis { Some(n) } else { None })
-            .collect();
-        numbers.sort_unstable();
-        let Axis::Body(k) = axis else { return None };
-        let first = *numbers.first().filter(|first| **first < 2)?;
-        let in_a_row = numbers.len() == 3 && group.len() == 3 && numbers.iter().copied().eq(first..first + 3);
-        in_a_row.then(|| find(Axis::Number(first + k))).flatten()
-    })
 }
 
 /// The entry of a channel, where there are the columns that it needs.
@@ -275,41 +167,6 @@ fn entry(channel: Channel, group: &Group<'_>) -> Option<Entry> {
         unit: units::of(channel, &members, steady_length(group), usual_length(&members)),
         more: Vec::new(),
     })
-}
-
-/// A hinge's encoder, where there is nothing else that moves.
-fn angle(name: &Named, column: &LookedColumn) -> Entry {
-    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-    let mut is_whole = true;
-    for x in column.present() {
-        (low, high) = (low.min(x), high.max(x));
-        is_whole &= x == x.round();
-    }
-    let range = high - low;
-    let assumed = |unit: &str| {
-        let words = format!("from {} to {}; check it", number(low), number(high));
-        Sourced::new(unit.to_owned(), Origin::Assumed, words)
-    };
-    let unit = match name.unit.filter(|unit| ["rad", "deg", "rev", "counts"].contains(unit)) {
-        Some(unit) => Sourced::new(unit.to_owned(), Origin::Stated, "its name says the unit"),
-        None if is_whole && range > 400.0 => assumed("counts"),
-        None if range > 7.0 => assumed("deg"),
-        None => assumed("rad"),
-    };
-    let mut more = Vec::new();
-    if unit.value == "counts" {
-        // Encoders count powers of two in a turn more often than not.
-        let per_turn = 2f64.powf((range + 1.0).max(2.0).log2().ceil());
-        more.push(format!("counts_per_turn: {per_turn:.1}"));
-    }
-    Entry {
-        key: "hinge_angle".to_owned(),
-        channel: Channel::Gyro,
-        columns: vec![name.column.clone()],
-        of: Sourced::new((), Origin::Assumed, "of a hinge about z"),
-        unit: Some(unit),
-        more,
-    }
 }
 
 /// Wheels' channels must have one column for each wheel: those with another number than the first are left out. Of two that could be

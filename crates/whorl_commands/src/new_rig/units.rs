@@ -22,7 +22,7 @@ const NEAR: f64 = 0.25;
 /// No usual gyro turns as fast: 2000 deg/s in rad/s.
 const FASTEST_RAD_S: f64 = 35.0;
 /// Nor as fast: the widest ranges there are, in deg/s.
-const FASTEST_DEG_S: f64 = 4_000.0;
+pub const FASTEST_DEG_S: f64 = 4_000.0;
 /// Gyros are noisier than this in deg/s, and less so in rad/s: MEMS sensors have 0.02 to 0.3 deg/s per sample.
 const NOISE_BETWEEN: f64 = 0.01;
 /// Wheels of such rigs turn slower than 19,000 revolutions a minute \[rad/s\].

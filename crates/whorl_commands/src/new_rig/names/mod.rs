@@ -1,6 +1,13 @@
 //! What column names say: the quantity, its axis, its unit.
 
+mod known;
+
 use whorl_bag::{Channel, Form};
+
+use Meaning::{Angle, Channel as Is, Encoder, Turning};
+use known::{COMMANDS, STEMS, TURNS, UNITS};
+
+pub use known::Meaning;
 
 /// What a column seems to be.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -28,240 +35,11 @@ pub enum Axis {
     Number(usize),
 }
 
-/// What names stand for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Meaning {
-    /// The time.
-    Time,
-    /// A counter of lines.
-    Count,
-    /// What an encoder counts: of a hinge, where there is nothing else.
-    Angle,
-    /// How fast something turns: a hinge, where there is nothing else, or a wheel.
-    Turning,
-    /// What a name says is left out on purpose: it holds no sensor's own reading.
-    Derived,
-    /// A channel of maps.
-    Channel(Channel),
-}
-
-use Meaning::{Angle, Channel as Is, Count, Derived, Time, Turning};
-
-/// Whole stems, and what they are. One or two letters are what people write who have few columns.
-const STEMS: &[(&str, Meaning)] = &[
-    ("t", Time),
-    ("time", Time),
-    ("timestamp", Time),
-    ("stamp", Time),
-    ("when", Time),
-    ("date", Time),
-    ("datetime", Time),
-    ("clock", Time),
-    ("elapsed", Time),
-    ("sec", Time),
-    ("seconds", Time),
-    ("timens", Time),
-    ("sample", Count),
-    ("index", Count),
-    ("frame", Count),
-    ("line", Count),
-    ("count", Count),
-    ("packetcounter", Count),
-    ("angle", Angle),
-    ("theta", Angle),
-    ("phi", Angle),
-    ("enc", Angle),
-    ("encoder", Angle),
-    ("velocity", Turning),
-    ("vel", Turning),
-    ("speed", Turning),
-    ("pos", Angle),
-    ("position", Angle),
-    ("counts", Angle),
-    ("ticks", Angle),
-    ("g", Is(Channel::Gyro)),
-    ("w", Is(Channel::Gyro)),
-    ("gyr", Is(Channel::Gyro)),
-    ("gyro", Is(Channel::Gyro)),
-    ("gyroscope", Is(Channel::Gyro)),
-    ("omega", Is(Channel::Gyro)),
-    ("rate", Is(Channel::Gyro)),
-    ("angularvelocity", Is(Channel::Gyro)),
-    ("angvel", Is(Channel::Gyro)),
-    ("angularrate", Is(Channel::Gyro)),
-    ("a", Is(Channel::Accelerometer)),
-    ("acc", Is(Channel::Accelerometer)),
-    ("accel", Is(Channel::Accelerometer)),
-    ("accelerometer", Is(Channel::Accelerometer)),
-    ("accelerometeracceleration", Is(Channel::Accelerometer)),
-    ("totalacceleration", Is(Channel::Accelerometer)),
-    // Phones take gravity out of these, or leave nothing but gravity.
-    ("useracceleration", Derived),
-    ("motionuseracceleration", Derived),
-    ("motiongravity", Derived),
-    ("gravity", Derived),
-    ("timestampsincereboot", Time),
-    ("loggingtime", Time),
-    ("secondselapsed", Time),
-    ("accelerometertimestamprelative", Derived),
-    ("acceleration", Is(Channel::Accelerometer)),
-    ("linearacceleration", Is(Channel::Accelerometer)),
-    ("linacc", Is(Channel::Accelerometer)),
-    ("force", Is(Channel::Accelerometer)),
-    ("specificforce", Is(Channel::Accelerometer)),
-    ("m", Is(Channel::Vector)),
-    ("mag", Is(Channel::Vector)),
-    ("magn", Is(Channel::Vector)),
-    ("magnetometer", Is(Channel::Vector)),
-    ("magneticfield", Is(Channel::Vector)),
-    ("magfield", Is(Channel::Vector)),
-    ("b", Is(Channel::Vector)),
-    ("lamp", Is(Channel::Vector)),
-    ("sun", Is(Channel::Vector)),
-    ("star", Is(Channel::Vector)),
-    ("vector", Is(Channel::Vector)),
-    ("direction", Is(Channel::Vector)),
-    ("rotation", Is(Channel::Gyro)),
-    ("rotationrate", Is(Channel::Gyro)),
-    ("gyrorotation", Is(Channel::Gyro)),
-    ("angularspeed", Is(Channel::Gyro)),
-    ("n", Is(Channel::WheelSpeed)),
-    ("rpm", Is(Channel::WheelSpeed)),
-    ("wheel", Is(Channel::WheelSpeed)),
-    ("rw", Is(Channel::WheelSpeed)),
-    ("wheelspeed", Is(Channel::WheelSpeed)),
-    ("rwspeed", Is(Channel::WheelSpeed)),
-    ("motorspeed", Is(Channel::WheelSpeed)),
-    ("tacho", Is(Channel::WheelSpeed)),
-    ("rwn", Is(Channel::WheelSpeed)),
-    ("motorn", Is(Channel::WheelSpeed)),
-    ("wheelvelocity", Is(Channel::WheelSpeed)),
-    ("rwvelocity", Is(Channel::WheelSpeed)),
-    ("motorvelocity", Is(Channel::WheelSpeed)),
-    ("rwtorque", Is(Channel::WheelTorqueCommand)),
-    ("motortorque", Is(Channel::WheelTorqueCommand)),
-    ("u", Is(Channel::WheelTorqueCommand)),
-    ("torque", Is(Channel::WheelTorqueCommand)),
-    ("tau", Is(Channel::WheelTorqueCommand)),
-    ("torquecommand", Is(Channel::WheelTorqueCommand)),
-    ("torquecmd", Is(Channel::WheelTorqueCommand)),
-    ("wheeltorque", Is(Channel::WheelTorqueCommand)),
-    ("i", Is(Channel::WheelCurrent)),
-    ("current", Is(Channel::WheelCurrent)),
-    ("wheelcurrent", Is(Channel::WheelCurrent)),
-    ("motorcurrent", Is(Channel::WheelCurrent)),
-    ("bodytorque", Is(Channel::BodyTorque)),
-    ("ballastmoment", Is(Channel::BallastMoment)),
-    ("vbat", Is(Channel::BusVoltage)),
-    ("bat", Is(Channel::BusVoltage)),
-    ("battery", Is(Channel::BusVoltage)),
-    ("volt", Is(Channel::BusVoltage)),
-    ("voltage", Is(Channel::BusVoltage)),
-    ("bus", Is(Channel::BusVoltage)),
-    ("busvoltage", Is(Channel::BusVoltage)),
-    ("tank", Is(Channel::TankPressure)),
-    ("pressure", Is(Channel::TankPressure)),
-    ("tankpressure", Is(Channel::TankPressure)),
-    ("temp", Is(Channel::Temperature)),
-    ("temperature", Is(Channel::Temperature)),
-    ("board", Is(Channel::Temperature)),
-    ("q", Is(Channel::TrueAttitude)),
-    ("trueq", Is(Channel::TrueAttitude)),
-    ("quat", Is(Channel::TrueAttitude)),
-    ("quaternion", Is(Channel::TrueAttitude)),
-    ("orientation", Is(Channel::TrueAttitude)),
-    ("wt", Is(Channel::TrueRate)),
-    ("truerate", Is(Channel::TrueRate)),
-    ("jet", Is(Channel::Jets)),
-    ("j", Is(Channel::Jets)),
-    ("valve", Is(Channel::Jets)),
-    ("thruster", Is(Channel::Jets)),
-];
-
-/// Words of names that say that something was commanded.
-const COMMANDS: [&str; 7] = ["cmd", "command", "commanded", "setpoint", "ref", "target", "desired"];
-
 /// Whether a column's name says that it holds what was commanded.
 #[must_use]
 pub fn is_commanded(column: &str) -> bool {
     words(&apart(column).to_lowercase()).iter().any(|word| COMMANDS.contains(&word.as_str()))
 }
-
-/// Units in names, as people write them, and as maps do.
-const UNITS: &[(&str, &str)] = &[
-    ("rad/s", "rad/s"),
-    ("rads", "rad/s"),
-    ("rad_s", "rad/s"),
-    ("radps", "rad/s"),
-    ("rps", "rad/s"),
-    ("deg/s", "deg/s"),
-    ("degs", "deg/s"),
-    ("deg_s", "deg/s"),
-    ("dps", "deg/s"),
-    ("°/s", "deg/s"),
-    ("mdps", "mdeg/s"),
-    ("mdeg/s", "mdeg/s"),
-    ("mrad/s", "mrad/s"),
-    ("m/s^2", "m/s^2"),
-    ("m/s2", "m/s^2"),
-    ("m/s²", "m/s^2"),
-    ("mps2", "m/s^2"),
-    ("m_s2", "m/s^2"),
-    ("ms2", "m/s^2"),
-    ("ms-2", "m/s^2"),
-    ("m/s/s", "m/s^2"),
-    ("mg", "mg"),
-    ("g", "g"),
-    ("rpm", "rpm"),
-    ("1/min", "rpm"),
-    ("min-1", "rpm"),
-    ("min^-1", "rpm"),
-    ("u/min", "rpm"),
-    ("rev/min", "rpm"),
-    ("r/min", "rpm"),
-    ("rev/s", "rev/s"),
-    ("nm", "N m"),
-    ("n m", "N m"),
-    ("n_m", "N m"),
-    ("mnm", "mN m"),
-    ("mn m", "mN m"),
-    ("mn_m", "mN m"),
-    ("ma", "mA"),
-    ("a", "A"),
-    ("v", "V"),
-    ("mv", "mV"),
-    ("bar", "bar"),
-    ("psi", "psi"),
-    ("pa", "Pa"),
-    ("hpa", "hPa"),
-    ("kpa", "kPa"),
-    ("mpa", "MPa"),
-    ("degc", "degC"),
-    ("°c", "degC"),
-    ("c", "degC"),
-    ("degf", "degF"),
-    ("k", "K"),
-    ("ut", "uT"),
-    ("µt", "uT"),
-    ("nt", "nT"),
-    ("mt", "mT"),
-    ("ga", "gauss"),
-    ("gauss", "gauss"),
-    ("rad", "rad"),
-    ("deg", "deg"),
-    ("°", "deg"),
-    ("rev", "rev"),
-    ("counts", "counts"),
-    ("s", "s"),
-    ("sec", "s"),
-    ("ms", "ms"),
-    ("msec", "ms"),
-    ("us", "us"),
-    ("µs", "us"),
-    ("usec", "us"),
-    ("ns", "ns"),
-    ("nsec", "ns"),
-];
 
 /// Reads a column's name. A group in front (`imu.`, `/imu/data/`) is part of the stem only where the last part says nothing.
 #[must_use]
@@ -271,7 +49,7 @@ pub fn named(column: &str) -> Named {
     if unit.is_none() {
         unit = taken_unit(&mut words);
     }
-    let axis = taken_axis(&mut words).or_else(|| taken_number(&mut words));
+    let mut axis = taken_axis(&mut words).or_else(|| taken_number(&mut words));
     // `gyro_rad[0]` has its unit in the middle.
     if unit.is_none() && axis.is_some() {
         unit = taken_unit(&mut words);
@@ -301,13 +79,46 @@ pub fn named(column: &str) -> Named {
             other => other,
         });
     }
-    let meaning = meaning.and_then(|meaning| in_unit(meaning, unit));
+    let meaning = meaning.and_then(|meaning| in_unit(meaning, unit)).filter(|meaning| {
+        // A setpoint of what moves is no measurement of it.
+        let moves = match meaning {
+            Is(channel) => channel.info().is_motion,
+            other => matches!(other, Angle | Encoder | Turning),
+        };
+        !(moves && words.iter().any(|word| COMMANDS.contains(&word.as_str())))
+    });
+    let meaning = match meaning {
+        Some(Is(Channel::Gyro) | Turning) if axis.is_none() => {
+            taken_turn(&mut words).map_or(meaning, |about| {
+                axis = Some(about);
+                Some(Is(Channel::Gyro))
+            })
+        }
+        other => other,
+    };
     Named { column: column.to_owned(), stem: words.join(" "), axis, unit, meaning }
+}
+
+/// The body's axis about which a name says that something turns: `yaw rate` is about z.
+fn taken_turn(words: &mut Vec<String>) -> Option<Axis> {
+    let (at, about) = words.iter().enumerate().find_map(|(at, word)| Some((at, turn(word)?)))?;
+    words.remove(at);
+    Some(Axis::Body(about))
+}
+
+/// The body's axis, from 0, of a word for a turn about it.
+#[must_use]
+pub fn turn(word: &str) -> Option<usize> {
+    TURNS.iter().position(|known| *known == word)
 }
 
 /// What a name stands for whose unit tells more: `wheel_x_n_m` is no speed. `None` where the unit is one of other quantities. A direction
 /// may be in any unit: magnetometers measure in gauss.
 fn in_unit(meaning: Meaning, unit: Option<&str>) -> Option<Meaning> {
+    let is_rate = |unit: &str| Channel::Gyro.info().units.iter().any(|known| known.name == unit);
+    if matches!(meaning, Angle | Encoder) && unit.is_some_and(is_rate) {
+        return Some(Turning);
+    }
     let (Is(channel), Some(unit)) = (meaning, unit) else { return Some(meaning) };
     let has = |channel: &Channel| channel.info().units.iter().any(|known| known.name == unit);
     let is_any = channel.info().units.is_empty() || channel.info().form == Form::Directions;
@@ -410,7 +221,17 @@ fn taken_axis(words: &mut Vec<String>) -> Option<Axis> {
     if stem.is_empty()
         || matches!(
             last.as_str(),
-            "max" | "index" | "raw" | "aux" | "new" | "day" | "delay" | "battery" | "velocity" | "gravity"
+            "max"
+                | "index"
+                | "raw"
+                | "aux"
+                | "new"
+                | "day"
+                | "delay"
+                | "yaw"
+                | "battery"
+                | "velocity"
+                | "gravity"
         )
     {
         return None;
@@ -422,6 +243,7 @@ fn taken_axis(words: &mut Vec<String>) -> Option<Axis> {
 
 #[cfg(test)]
 mod tests {
+    use super::Meaning::{Count, Derived, Time};
     use super::*;
 
     /// What `whorl export csv` calls its columns: exported by one rig, they are read by another.
@@ -460,7 +282,18 @@ mod tests {
             ("battery_v", Some(Is(Channel::BusVoltage)), None, Some("V")),
             ("qw", Some(Is(Channel::TrueAttitude)), Some(Axis::W), None),
             ("lamp_x", Some(Is(Channel::Vector)), Some(Axis::Body(0)), None),
-            ("encoder", Some(Angle), None, None),
+            ("encoder", Some(Encoder), None, None),
+            ("yaw_deg", Some(Angle), None, Some("deg")),
+            ("Pendulum angle [rad]", Some(Angle), None, Some("rad")),
+            ("hinge.position", Some(Encoder), None, None),
+            ("wheel_angle_rad", Some(Encoder), None, Some("rad")),
+            ("yaw_ref_deg", None, None, Some("deg")),
+            ("theta_dot", Some(Turning), None, None),
+            ("yaw_deg_s", gyro, Some(Axis::Body(2)), Some("deg/s")),
+            ("Pitch rate (dps)", gyro, Some(Axis::Body(1)), Some("deg/s")),
+            ("motor_n_m", Some(Is(Channel::WheelTorqueCommand)), None, Some("N m")),
+            ("motor_rpm", Some(Is(Channel::WheelSpeed)), None, Some("rpm")),
+            ("speed_ref_rpm", None, None, Some("rpm")),
             ("theta_deg", Some(Angle), None, Some("deg")),
             ("sample", Some(Count), None, None),
             ("mode", None, None, None),
