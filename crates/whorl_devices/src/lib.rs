@@ -71,6 +71,14 @@ pub enum DeviceError {
 }
 
 impl DeviceError {
+    /// What a program without the feature `buses` says.
+    #[cfg(not(feature = "buses"))]
+    pub(crate) fn built_without_buses(address: &str) -> Self {
+        Self::Refused(format!(
+            "{address}: this program was built without CAN, GPIO and Modbus (feature `buses` of whorl_devices)"
+        ))
+    }
+
     /// Wraps an error of the operating system.
     pub(crate) fn io<E: Into<std::io::Error>>(what: &'static str, address: &str) -> impl Fn(E) -> Self {
         move |source| Self::Io { what, address: address.to_owned(), source: source.into() }

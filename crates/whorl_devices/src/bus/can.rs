@@ -10,7 +10,6 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use socketcan::{CanFilter, CanSocket, Socket, SocketOptions};
 use whorl_params::Reader;
 
 use super::frame::{Frame, Record, Records};
@@ -23,8 +22,6 @@ const STUCK: Duration = Duration::from_millis(100);
 const CONNECT: Duration = Duration::from_secs(1);
 /// What ends the queue of an interface that sends as quickly as it can (`ENOBUFS` of Linux).
 const QUEUE_IS_FULL: i32 = 105;
-/// Error frames that are wanted: the controller has left the bus (linux/can/error.h: `CAN_ERR_BUSOFF`).
-const BUS_OFF: u32 = 0x40;
 /// Of an interface's name (linux/if.h).
 const LONGEST_NAME: usize = 15;
 const SOCKET: &str = "tcp:";
@@ -101,7 +98,8 @@ impl Bus {
 
 /// What carries records: the kernel's CAN, or a socket in its place.
 trait Carrier: Read + Write + AsFd + fmt::Debug {}
-impl Carrier for CanSocket {}
+#[cfg(feature = "buses")]
+impl Carrier for socketcan::CanSocket {}
 impl Carrier for TcpStream {}
 
 /// An open bus.
@@ -134,18 +132,7 @@ impl Can {
                 stream.set_nonblocking(true).map_err(&reach)?;
                 Box::new(stream)
             }
-            None => {
-                let io = DeviceError::io("cannot open", &address);
-                let socket = CanSocket::open(&address).map_err(&io)?;
-                // Standard frames of these identifiers alone, data or remote.
-                let mask = u32::from(Frame::LARGEST_ID) | Frame::EXTENDED;
-                let filters: Vec<CanFilter> =
-                    identifiers.iter().map(|id| CanFilter::new(u32::from(*id), mask)).collect();
-                socket.set_filters(&filters).map_err(&io)?;
-                socket.set_error_filter(BUS_OFF).map_err(&io)?;
-                socket.set_nonblocking(true).map_err(&io)?;
-                Box::new(socket)
-            }
+            None => kernels(&address, identifiers)?,
         };
         Ok(Self { carrier, records: Records::default(), address })
     }
@@ -229,13 +216,35 @@ impl Can {
     }
 }
 
+/// The kernel's bus.
+#[cfg(feature = "buses")]
+fn kernels(interface: &str, identifiers: &[u16]) -> Result<Box<dyn Carrier>, DeviceError> {
+    use socketcan::{CanFilter, CanSocket, Socket, SocketOptions};
+    /// Error frames that are wanted: the controller has left the bus (linux/can/error.h: `CAN_ERR_BUSOFF`).
+    const BUS_OFF: u32 = 0x40;
+    let io = DeviceError::io("cannot open", interface);
+    let socket = CanSocket::open(interface).map_err(&io)?;
+    // Standard frames of these identifiers alone, data or remote.
+    let mask = u32::from(Frame::LARGEST_ID) | Frame::EXTENDED;
+    let filters: Vec<CanFilter> = identifiers.iter().map(|id| CanFilter::new(u32::from(*id), mask)).collect();
+    socket.set_filters(&filters).map_err(&io)?;
+    socket.set_error_filter(BUS_OFF).map_err(&io)?;
+    socket.set_nonblocking(true).map_err(&io)?;
+    Ok(Box::new(socket))
+}
+
+#[cfg(not(feature = "buses"))]
+fn kernels(interface: &str, _: &[u16]) -> Result<Box<dyn Carrier>, DeviceError> {
+    Err(DeviceError::built_without_buses(interface))
+}
+
 fn is_full(error: &std::io::Error) -> bool {
     error.kind() == ErrorKind::WouldBlock || error.raw_os_error() == Some(QUEUE_IS_FULL)
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "buses"))]
 mod tests {
-    use socketcan::{CanFrame, EmbeddedFrame, Id, StandardId};
+    use socketcan::{CanFrame, CanSocket, EmbeddedFrame, Id, Socket, StandardId};
 
     use super::*;
 

@@ -9,6 +9,8 @@
 //! that hangs) is a matter of the circuit: `heartbeat_line` changes at every write, for a watchdog that cuts the valves' supply.
 
 mod emulator;
+#[cfg(feature = "buses")]
+mod kernel;
 mod lines;
 mod protocol;
 #[cfg(test)]
@@ -24,7 +26,7 @@ use crate::mailbox::Mailbox;
 use crate::place::Place;
 use crate::reading::Reporter;
 use crate::valves::{self, Board, Outlet};
-use lines::Lines;
+use lines::{Emulated, Lines};
 
 /// Its row in the table.
 pub const KIND: DeviceKind = DeviceKind {
@@ -45,6 +47,7 @@ const SHORTEST_WATCHDOG_S: f64 = 0.15;
 struct Valves {
     chip: String,
     /// As the chip says that it is called.
+    #[cfg_attr(not(feature = "buses"), expect(dead_code, reason = "only the kernel's chips have labels"))]
     label: Option<String>,
     lines: Vec<Outlet>,
     /// Valves are open while their lines are low.
@@ -143,7 +146,7 @@ impl Device for Valves {
     }
 
     fn inspect(&self, place: &Place) -> Option<Result<String, Wrong>> {
-        Some(lines::inspect(self, place))
+        Some(inspect(self, place))
     }
 
     fn roles(&self) -> Vec<Role> {
@@ -152,12 +155,49 @@ impl Device for Valves {
     }
 
     fn serve(&self, place: &Place, mailbox: &Mailbox, reporter: &Reporter) -> Result<(), DeviceError> {
-        let mut requested = Requested { lines: lines::request(self, place)?, setup: self, beat: false };
+        let mut requested = Requested { lines: request(self, place)?, setup: self, beat: false };
         valves::serve(&mut requested, &self.lines, mailbox, reporter)
     }
 
     fn emulator(&self, _: &PlatformModel) -> Emulator {
         emulator::new(self)
+    }
+}
+
+/// Requests the lines of the chip, or of an emulated one; outputs are inactive from the beginning.
+fn request(setup: &Valves, place: &Place) -> Result<Box<dyn Lines>, DeviceError> {
+    if place.root.is_some() {
+        return Ok(Box::new(Emulated::request(setup, place)?));
+    }
+    #[cfg(feature = "buses")]
+    {
+        kernel::request(setup)
+    }
+    #[cfg(not(feature = "buses"))]
+    {
+        Err(DeviceError::built_without_buses(&setup.chip))
+    }
+}
+
+/// What `whorl doctor` sees without requesting anything.
+fn inspect(setup: &Valves, place: &Place) -> Result<String, Wrong> {
+    let chip = &setup.chip;
+    if place.root.is_some() {
+        // Nothing more: a connection would send the driver's away.
+        let found = place.host(chip).map(|_| format!("{chip}: emulated, its lines are there"));
+        return found.map_err(|error| Wrong {
+            found: format!("{chip}: {error}"),
+            remedy: "start the emulators again".to_owned(),
+        });
+    }
+    #[cfg(feature = "buses")]
+    {
+        kernel::inspect(setup)
+    }
+    #[cfg(not(feature = "buses"))]
+    {
+        let found = DeviceError::built_without_buses(chip).to_string();
+        Err(Wrong { found, remedy: "use the program `whorl`".to_owned() })
     }
 }
 

@@ -174,7 +174,7 @@ fn a_chip_that_is_lost_has_its_valves_shut_when_it_is_back() {
 fn a_missing_chip_is_named_with_its_remedy() {
     let wrong = setup("/dev/gpiochip_none", false).inspect(&Place::default()).unwrap().unwrap_err();
     assert!(wrong.found.contains("/dev/gpiochip_none is not there") && wrong.remedy.contains("gpiodetect"));
-    let error = lines::request(&setup("/dev/null", false), &Place::default()).err().unwrap().to_string();
+    let error = request(&setup("/dev/null", false), &Place::default()).err().unwrap().to_string();
     assert!(error.contains("/dev/null"), "{error}");
 }
 
@@ -203,6 +203,6 @@ fn valves_on_a_chip_of_the_kernel_are_shut_whatever_ends_the_session() {
         let is_open = |jet: usize| (chip.get_level([5, 9][jet]).unwrap() == Level::High) != active_low;
         valves_are_shut(setup.clone(), &Place::default(), &is_open);
         setup.label = Some("other".to_owned());
-        assert!(lines::request(&setup, &Place::default()).err().unwrap().to_string().contains("not other"));
+        assert!(request(&setup, &Place::default()).err().unwrap().to_string().contains("not other"));
     }
 }

@@ -6,13 +6,11 @@
 
 mod emulator;
 pub mod protocol;
+#[cfg(feature = "buses")]
+mod session;
 #[cfg(test)]
 mod tests;
 
-use std::time::Duration;
-
-use tokio_modbus::client::sync::{Context, Reader as _, Writer, tcp};
-use tokio_modbus::slave::Slave;
 use whorl_dynamics::PlatformModel;
 use whorl_params::{Reader, range};
 
@@ -22,7 +20,7 @@ use crate::emulation::Emulator;
 use crate::mailbox::Mailbox;
 use crate::place::Place;
 use crate::reading::Reporter;
-use crate::valves::{self, Board, Outlet};
+use crate::valves::{self, Outlet};
 
 /// Its row in the table.
 pub const KIND: DeviceKind = DeviceKind {
@@ -30,10 +28,6 @@ pub const KIND: DeviceKind = DeviceKind {
     what: "relay or output board, Modbus/TCP: solenoid valves of the jets",
     read,
 };
-
-/// The board has so long to answer; a pulse is late by as much.
-const ANSWER: Duration = Duration::from_millis(50);
-const CONNECT: Duration = Duration::from_secs(1);
 
 /// One board.
 #[derive(Debug, Clone)]
@@ -100,44 +94,18 @@ impl Device for Relays {
     }
 
     fn serve(&self, place: &Place, mailbox: &Mailbox, reporter: &Reporter) -> Result<(), DeviceError> {
-        let address = place.host(&self.host).map_err(DeviceError::io("cannot find", &self.host))?;
-        let mut board = tcp::connect_slave_with_timeout(address, Slave(self.unit), Some(CONNECT))
-            .map_err(DeviceError::io("cannot reach", &self.host))?;
-        board.set_timeout(ANSWER);
-        valves::serve(&mut Connected { board, setup: self }, &self.coils, mailbox, reporter)
+        #[cfg(feature = "buses")]
+        {
+            session::serve(self, place, mailbox, reporter)
+        }
+        #[cfg(not(feature = "buses"))]
+        {
+            let _ = (place, mailbox, reporter);
+            Err(DeviceError::built_without_buses(&self.host))
+        }
     }
 
     fn emulator(&self, model: &PlatformModel) -> Emulator {
         emulator::new(self, model)
-    }
-}
-
-/// A board that answers.
-struct Connected<'a> {
-    board: Context,
-    setup: &'a Relays,
-}
-
-impl Connected<'_> {
-    fn lost(&self, error: tokio_modbus::Error) -> DeviceError {
-        match error {
-            tokio_modbus::Error::Transport(error) => DeviceError::io("lost", &self.setup.host)(error),
-            tokio_modbus::Error::Protocol(error) => DeviceError::Refused(error.to_string()),
-        }
-    }
-}
-
-impl Board for Connected<'_> {
-    fn write(&mut self, open: &[bool]) -> Result<(), DeviceError> {
-        let answer = self.board.write_multiple_coils(self.setup.first_coil, open);
-        let answer = answer.map_err(|error| self.lost(error))?;
-        answer.map_err(|exception| DeviceError::Refused(exception.to_string()))
-    }
-
-    fn stop_is_released(&mut self) -> Result<Option<bool>, DeviceError> {
-        let Some(input) = self.setup.stop_input else { return Ok(None) };
-        let answer = self.board.read_discrete_inputs(input, 1).map_err(|error| self.lost(error))?;
-        let inputs = answer.map_err(|exception| DeviceError::Refused(exception.to_string()))?;
-        Ok(Some(inputs.first().copied().unwrap_or(false)))
     }
 }
