@@ -1,7 +1,7 @@
 //! `whorl new`: from a file of somebody's sensors to the two files that the other commands need.
 
 use std::io::{BufRead as _, IsTerminal as _};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
@@ -14,7 +14,7 @@ use crate::output::{self, JsonArgument, ask, say};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// CSV file, rosbag2 directory or .mcap file.
+    /// CSV file, rosbag2 directory, .mcap file, or folder with a CSV file for each sensor, as apps on phones write them.
     file: PathBuf,
     /// Folder that gets the platform's file and the map of channels.
     #[arg(long, value_name = "FOLDER", default_value = ".")]
@@ -40,11 +40,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     } else {
         new_rig(&arguments.file, &arguments.out, preset, &mut Nobody)?
     };
-    tell(&made, &arguments.file);
-    arguments.json.write(|| Ok(as_json(&made, &arguments.file)))
+    tell(&made);
+    arguments.json.write(|| Ok(as_json(&made)))
 }
 
-fn tell(made: &NewRig, file: &Path) {
+fn tell(made: &NewRig) {
     for (channel, samples) in &made.samples {
         say!("  {channel:<22} {samples:>9}");
     }
@@ -70,7 +70,7 @@ fn tell(made: &NewRig, file: &Path) {
     for reason in &made.refused {
         say!("to be corrected first: {reason}");
     }
-    let command = made.next.arguments(file, &made.map, &made.rig);
+    let command = made.next.arguments(&made.file, &made.map, &made.rig);
     let command = command.map(|arguments| format!("whorl {}", arguments.join(" "))).unwrap_or_default();
     match &made.next {
         Next::Compare => say!("next: {command}"),
@@ -79,7 +79,7 @@ fn tell(made: &NewRig, file: &Path) {
     }
 }
 
-fn as_json(made: &NewRig, file: &Path) -> serde_json::Value {
+fn as_json(made: &NewRig) -> serde_json::Value {
     let lines: Vec<_> = made
         .lines
         .iter()
@@ -88,10 +88,10 @@ fn as_json(made: &NewRig, file: &Path) -> serde_json::Value {
             Some(json!({"line": line.text, "from": origin.word(), "how": words}))
         })
         .collect();
-    let next = made.next.arguments(file, &made.map, &made.rig);
+    let next = made.next.arguments(&made.file, &made.map, &made.rig);
     let missing = if let Next::Missing(what) = &made.next { Some(what) } else { None };
     json!({
-        "schema": 1, "platform": made.platform, "model": made.rig, "channels": made.map, "lines": lines,
+        "schema": 1, "platform": made.platform, "recording": made.file, "model": made.rig, "channels": made.map, "lines": lines,
         "samples": made.samples.iter().map(|(name, count)| json!({"channel": name, "samples": count})).collect::<Vec<_>>(),
         "not_used": made.ignored, "notes": made.notes, "to_be_mended": made.refused, "assumed": made.assumed(),
         "next": next, "missing": missing,

@@ -7,6 +7,9 @@
 mod axes;
 mod bare;
 mod channels;
+mod folder;
+#[cfg(test)]
+mod folder_tests;
 #[cfg(test)]
 mod foreign_tests;
 mod group;
@@ -18,6 +21,7 @@ mod motion_tests;
 mod names;
 pub mod next;
 mod otherwise;
+mod preset;
 pub mod questions;
 mod rig;
 mod table;
@@ -45,6 +49,8 @@ use next::Next;
 use questions::Ask;
 use rig::Parts;
 
+pub use preset::Preset;
+
 /// Lines of a CSV file that are looked at: an hour at 100 Hz.
 const LOOKED_AT: usize = 330_000;
 /// How often the draft is corrected and read again.
@@ -56,39 +62,6 @@ const VERTICAL: f64 = 0.995;
 const LONGEST_LIST: usize = 2_000;
 const LONGEST_NAME: usize = 60;
 
-/// A kind of rig, where somebody says which.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Preset {
-    /// A platform on an air bearing or a ball, with weight.
-    Table,
-    /// A body that turns about one axis: a pendulum, a turntable.
-    Hinge,
-    /// Wheels in a stand that does not turn.
-    WheelBench,
-    /// Nothing holds it: a spacecraft, a drone.
-    Free,
-}
-
-impl Preset {
-    /// All of them, by the word that people write.
-    pub const ALL: [(&str, Self); 4] = [
-        ("table", Self::Table),
-        ("hinge", Self::Hinge),
-        ("wheel_bench", Self::WheelBench),
-        ("free", Self::Free),
-    ];
-
-    /// The kind of motion in the platform's file.
-    fn freedom(self) -> &'static str {
-        match self {
-            Self::Table => "on_bearing",
-            Self::Hinge => "hinge",
-            Self::WheelBench => "clamped",
-            Self::Free => "free",
-        }
-    }
-}
-
 /// Up in body axes of a rig that lies on its face, its third component \[1\].
 const UPSIDE_DOWN: f64 = -0.9;
 
@@ -97,6 +70,8 @@ const UPSIDE_DOWN: f64 = -0.9;
 pub struct NewRig {
     /// Name of the platform.
     pub platform: String,
+    /// The recording: what was given, or what the files of a folder were put together in.
+    pub file: PathBuf,
     /// Its file.
     pub rig: PathBuf,
     /// The map of channels.
@@ -123,12 +98,33 @@ impl NewRig {
     }
 }
 
-/// Writes the platform's file and the map of a CSV file or a bag into a folder. `preset` is the kind of rig; `None`: what the file looks
-/// like.
+/// Writes the platform's file and the map of a CSV file, a bag or a folder with a CSV file for each sensor into a folder. `preset` is the
+/// kind of rig; `None`: what the file looks like.
 ///
 /// # Errors
 /// When the file cannot be read, measures nothing that moves, or the files are there already; nothing is left behind then.
 pub fn new_rig(file: &Path, out: &Path, preset: Option<Preset>, ask: &mut dyn Ask) -> anyhow::Result<NewRig> {
+    if !folder::is_of_tables(file) {
+        return of_file(file, out, preset, ask);
+    }
+    std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
+    let whole = out.join(format!("{}.csv", plain_name(file)));
+    let said = folder::together(file, &whole)?;
+    let made = of_file(&whole, out, preset, ask);
+    match made {
+        Ok(mut made) => {
+            made.notes.insert(0, said);
+            Ok(made)
+        }
+        Err(error) => {
+            // As of the other drafts.
+            let _ = std::fs::remove_file(&whole);
+            Err(error)
+        }
+    }
+}
+
+fn of_file(file: &Path, out: &Path, preset: Option<Preset>, ask: &mut dyn Ask) -> anyhow::Result<NewRig> {
     let (mut draft, wheels) = draft(file, preset, ask)?;
     let platform = questions::name(ask, "Name of the rig", plain_name(file));
     let (rig, map) = (out.join(format!("{platform}.yaml")), out.join(format!("{platform}.channels.yaml")));
@@ -271,6 +267,7 @@ fn complete(
     let samples = recording.sampled().map(|(channel, _, series)| (channel.info().key, series.time_s().len()));
     Ok(NewRig {
         platform: platform.to_owned(),
+        file: file.to_owned(),
         rig: rig.to_owned(),
         map: map.to_owned(),
         samples: samples.collect(),
