@@ -9,6 +9,7 @@ use serde_json::json;
 use whorl_commands::new_rig::next::Next;
 use whorl_commands::new_rig::questions::{Ask, Nobody};
 use whorl_commands::new_rig::{NewRig, Preset, new_rig};
+use whorl_commands::runs::quoted;
 
 use crate::output::{self, JsonArgument, ask, say};
 
@@ -71,7 +72,9 @@ fn tell(made: &NewRig) {
         say!("to be corrected first: {reason}");
     }
     let command = made.next.arguments(&made.file, &made.map, &made.rig);
-    let command = command.map(|arguments| format!("whorl {}", arguments.join(" "))).unwrap_or_default();
+    let quoted =
+        |arguments: Vec<String>| arguments.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ");
+    let command = command.map(|arguments| format!("whorl {}", quoted(arguments))).unwrap_or_default();
     match &made.next {
         Next::Compare => say!("next: {command}"),
         Next::Estimate(why) => say!("next: {command}   (no comparison with a model: {why})"),

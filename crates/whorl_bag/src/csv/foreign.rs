@@ -58,10 +58,15 @@ const KNOWN: &[(&[u8], &str, &str)] = &[
 pub(super) fn told(path: &Path, begins: &[u8]) -> Option<(&'static str, String)> {
     let is = |(magic, ..): &&(&[u8], &str, &str)| begins.starts_with(magic);
     let (_, what, then) = KNOWN.iter().find(is)?;
-    let then = then
-        .replace("{file}", &path.display().to_string())
-        .replace("{stem}", &path.with_extension("").display().to_string());
+    let then = then.replace("{file}", &word(path)).replace("{stem}", &word(&path.with_extension("")));
     Some((what, then))
+}
+
+/// A path as a shell takes it.
+fn word(path: &Path) -> String {
+    let path = path.display().to_string();
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./".contains(c) || !c.is_ascii();
+    if path.chars().all(is_plain) { path } else { format!("'{}'", path.replace('\'', "'\\''")) }
 }
 
 #[cfg(test)]
@@ -83,5 +88,9 @@ mod tests {
         let stem = folder.path().join("flight").display().to_string();
         let command = format!("`ulog2csv -m sensor_combined {stem}.ulg` writes {stem}_sensor_combined_0.csv");
         assert!(error.contains(&command), "{error}");
+        let spaced = folder.path().join("my flight.ulg");
+        std::fs::copy(&file, &spaced).unwrap();
+        let error = look(&spaced, 100).unwrap_err().to_string();
+        assert!(error.contains(&format!("-m sensor_combined '{}'", spaced.display())), "{error}");
     }
 }
