@@ -140,6 +140,11 @@ fn bursts_of_one_time_are_told_from_lines_that_were_written_twice() {
     let (made, folder) = of_text(&twice, &mut Nobody);
     assert_eq!(line(&made, "time: {").0, "time: {column: t_s, unit: s, duplicates: first}");
     assert_eq!(is_taken(&made, &folder.path().join("hand.csv")).gyro_b_rad_s.len(), 1000);
+    // Of a hinge's angle as well.
+    let angles: String =
+        (0..800).map(|k| format!("{:.2},{}\n", f64::from(k / 4) / 10.0, 0.3 * f64::from(k))).collect();
+    let (made, _folder) = of_text(&format!("t_s,yaw_deg\n{angles}"), &mut Nobody);
+    assert_eq!(line(&made, "time: {").0, "time: {column: t_s, unit: s, duplicates: burst}");
     // Sensors in lines of their own share a time and are none.
     let apart = buffered(2, |t, place| {
         if place == 0 { format!("{:.5},0.01,{:.5},,,", t.sin(), t.cos()) } else { ",,,0.02,0.03,9.81".into() }
@@ -170,6 +175,8 @@ fn columns_without_a_sensor_are_those_of_the_file_by_its_name() {
         std::fs::write(&file, &text).unwrap();
         let made = new_rig(&file, folder.path(), None, &mut Nobody).unwrap();
         assert_eq!(line(&made, key).0, key, "{name}");
+        // Of the other time nobody asks.
+        assert!(made.ignored.is_empty(), "{:?}", made.ignored);
         let nameless = folder.path().join("recording.csv");
         std::fs::write(&nameless, &text).unwrap();
         let error = format!("{:#}", new_rig(&nameless, folder.path(), None, &mut Nobody).unwrap_err());

@@ -51,7 +51,8 @@ pub fn next(recording: &Recording, known: &KnownPlatform, map: Option<&Path>, ri
         });
     let why = match &refusal {
         None if in_a_hand => {
-            "it lies on its sides as nothing on a bearing does, and what a hand turns has no model".to_owned()
+            "the sensor lies on its sides, as nothing on a bearing does, and what a hand turns has no model"
+                .to_owned()
         }
         None => return Next::Compare,
         Some(refusal) => refusal.clone(),

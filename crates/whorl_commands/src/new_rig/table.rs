@@ -216,6 +216,8 @@ fn ignored(look: &CsvLook, draft: &MapDraft) -> Vec<String> {
         draft.entries.iter().any(|entry| entry.columns.iter().any(|column| column == name))
             || draft.time.as_ref().is_some_and(|time| time.value.contains(&super::lines::quoted(name)))
     };
+    // Another time is no riddle to anybody.
+    let is_time = |name: &str| named(name).meaning == Some(Meaning::Time);
     let names = look.columns.iter().map(|column| column.name.clone());
-    names.filter(|name| !name.is_empty() && !used(name)).collect()
+    names.filter(|name| !name.is_empty() && !used(name) && !is_time(name)).collect()
 }

@@ -84,7 +84,8 @@ pub fn time(columns: &[(&Named, &LookedColumn)], lines: usize) -> Sourced<String
 /// What several lines of one time are, by their numbers, as of messages in bags: bursts of a sensor with a buffer where most times have
 /// samples that differ; else the first of each time counts. `None` where no sensor has two samples at one time.
 fn duplicates(time: &LookedColumn, columns: &[(&Named, &LookedColumn)]) -> Option<(&'static str, String)> {
-    let sensors = || columns.iter().filter(|(name, _)| matches!(name.meaning, Some(Meaning::Channel(_))));
+    let is_read = |meaning: Meaning| !matches!(meaning, Meaning::Time | Meaning::Count | Meaning::Derived);
+    let sensors = || columns.iter().filter(|(name, _)| name.meaning.is_some_and(is_read));
     let (mut times, mut twice, mut differ) = (0_usize, 0_usize, 0_usize);
     let mut last = f64::NAN;
     for (line, at) in time.numbers.iter().enumerate().filter(|(_, at)| at.is_finite()) {
@@ -109,7 +110,7 @@ fn duplicates(time: &LookedColumn, columns: &[(&Named, &LookedColumn)]) -> Optio
     }
     let share = (times + twice) as f64 / times.max(1) as f64;
     Some(if 2 * differ >= times {
-        ("burst", format!("{} samples have one time, and differ: read in bursts", number(share)))
+        ("burst", format!("usually {share:.0} samples have one time, and differ: read in bursts"))
     } else if differ == 0 {
         ("first", format!("{twice} lines stand there twice"))
     } else {
