@@ -47,6 +47,8 @@ const FRAME: Duration = Duration::from_millis(33);
 /// they have points.
 const PAST: usize = 60 * PAST_PER_S;
 const PAST_PER_S: usize = 4;
+/// Time for answers to who has asked before this page ends.
+const LAST_ANSWERS: Duration = Duration::from_secs(2);
 /// Silence after which the reason is looked for.
 const SILENCE: Duration = Duration::from_secs(5);
 const SHARED: [Topic; 2] = [Topic::FormationState, Topic::Diagnostics];
@@ -130,22 +132,31 @@ async fn serve(arguments: &Arguments) -> anyhow::Result<()> {
         clients: Places::new(BROWSERS),
     });
     let routes = server::routes(server).into_make_service_with_connect_info::<Visitor>();
-    let serving = axum::serve(Door::new(listener), routes);
-    let stopped = stop_signal()?;
+    let mut stopped = stop_signal()?;
+    let mut told = stopped.clone();
+    let serving = axum::serve(Door::new(listener), routes).with_graceful_shutdown(async move {
+        let _ = told.wait_for(|stops| *stops).await;
+    });
+    // An abort ends the run, and the run this page: who asked for it is still answered.
+    let last_answers = async {
+        let _ = stopped.wait_for(|stops| *stops).await;
+        tokio::time::sleep(LAST_ANSWERS).await;
+    };
     tokio::select! {
-        _ = stopped => Ok(()),
+        () = last_answers => Ok(()),
         ended = serving.into_future() => Ok(ended?),
         error = failed => Err(error.unwrap_or_else(|_| anyhow::anyhow!("listening to the formation has ended"))),
     }
 }
 
-/// Comes with Ctrl-C, or when somebody else ends this process.
-fn stop_signal() -> anyhow::Result<tokio::sync::oneshot::Receiver<()>> {
-    let (stop, stopped) = tokio::sync::oneshot::channel();
+/// Becomes true with Ctrl-C, or when somebody else ends this process.
+fn stop_signal() -> anyhow::Result<watch::Receiver<bool>> {
+    let (stop, stopped) = watch::channel(false);
     let mut signals = Signals::new([SIGINT, SIGTERM])?;
     std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
-        if signals.forever().next().is_some() {
-            let _ = stop.send(());
+        // Nobody listens any more once the page has ended.
+        for _ in signals.forever() {
+            stop.send_replace(true);
         }
     })?;
     Ok(stopped)
