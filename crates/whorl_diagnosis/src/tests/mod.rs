@@ -13,6 +13,7 @@ mod residual;
 mod slopes;
 mod starts;
 mod ties;
+mod touches;
 mod trace;
 mod uncertainty;
 mod whitening;
