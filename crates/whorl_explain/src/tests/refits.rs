@@ -126,6 +126,10 @@ fn friction_of_a_wheel_is_refitted_within_its_prior() {
         println!("measured: {said}");
         assert!(error(0, false) > 1.2 && error(1, false) < 1.08 && error(1, true) < 1.08, "{said}");
         let fit = versions[1].fit.as_ref().unwrap();
+        // What the fit has handed on says what a look at the run from nothing says.
+        let anew = whorl_validation::compare(&training[0], &fit.model).unwrap();
+        let anew = whorl_validation::prediction_error([&anew]).unwrap();
+        assert!((error(1, false) / anew - 1.0).abs() < 0.01, "{said}, anew {anew:.3}");
         let (found, known) = (&fit.model.wheels()[0], &fit.prior.actuators.wheels);
         let off = [
             (found.viscous_friction_n_m_s - viscous * table.viscous) / known.viscous_friction_n_m_s[0],
