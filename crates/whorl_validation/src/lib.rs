@@ -7,6 +7,7 @@
 pub mod comparison;
 pub mod dependence;
 mod error;
+mod followed;
 mod localisation;
 mod remarks;
 pub mod statistics;

@@ -2,14 +2,12 @@
 
 use nalgebra::{Matrix3, Vector3};
 use whorl_dynamics::PlatformModel;
-use whorl_prediction::{
-    Disturbance, Followed, Noise, Prepared, Settings, SmoothedState, follow_as, smoothed,
-};
+use whorl_prediction::{Disturbance, Followed, SmoothedState, smoothed};
 use whorl_recording::Recording;
 use whorl_trajectory::noise::typical_step_s;
-use whorl_trajectory::{Needs, check};
 
 use crate::error::ValidationError;
+use crate::followed::followed;
 use crate::remarks::remarks;
 
 /// Time between estimates \[s\], and so many readings of what is read fastest: the torque is taken to change within a second.
@@ -55,10 +53,7 @@ pub fn unexplained_torques_as(
     model: &PlatformModel,
     known: Option<&Followed>,
 ) -> Result<UnexplainedTorques, ValidationError> {
-    check(recording, model, &Needs { shortest_s: 0.0, free: false, accelerometer: false })?;
-    let case = Prepared::new(recording, model, Settings::default())?;
-    let stated = Noise::stated(&case)?;
-    let followed = follow_as(&case, &stated, known);
+    let (case, stated, followed) = followed(recording, model, known)?;
     let read = [&recording.gyro_b_rad_s.time_s, &recording.wheel_speed_rad_s.time_s];
     let steps = read.into_iter().filter(|times| times.len() > 1).map(|times| typical_step_s(times));
     let every_s = EVERY_S.min(EVERY_READINGS * steps.fold(f64::INFINITY, f64::min));

@@ -15,14 +15,14 @@ pub use words::SMALL_ERROR;
 
 use serde::Serialize;
 use whorl_dynamics::PlatformModel;
-use whorl_prediction::{Followed, Noise, Prepared, Settings, Told, follow_as, predict, simulate};
+use whorl_prediction::{Followed, Told, predict, simulate};
 use whorl_recording::Recording;
-use whorl_trajectory::{Needs, check};
 
 use channels::Errors;
 use whiteness::Innovations;
 
 use crate::error::ValidationError;
+use crate::followed::followed;
 use crate::remarks::remarks;
 
 /// Prediction horizons \[s\], in addition to the whole run; the last is a quarter of runs that are shorter than four of it.
@@ -90,10 +90,7 @@ pub fn compare_as(
     model: &PlatformModel,
     known: Option<&Followed>,
 ) -> Result<Comparison, ValidationError> {
-    check(recording, model, &Needs { shortest_s: 0.0, free: false, accelerometer: false })?;
-    let case = Prepared::new(recording, model, Settings::default())?;
-    let stated = Noise::stated(&case)?;
-    let followed = follow_as(&case, &stated, known);
+    let (case, stated, followed) = followed(recording, model, known)?;
     let duration_s = recording.duration_s();
     let longest_s = HORIZONS_S[2].min(duration_s / FEWEST_STRETCHES);
     let horizons_s: Vec<f64> = HORIZONS_S.into_iter().filter(|h| *h < longest_s).chain([longest_s]).collect();
