@@ -154,7 +154,6 @@ fn stop_signal() -> anyhow::Result<watch::Receiver<bool>> {
     let (stop, stopped) = watch::channel(false);
     let mut signals = Signals::new([SIGINT, SIGTERM])?;
     std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
-        // Nobody listens any more once the page has ended.
         for _ in signals.forever() {
             stop.send_replace(true);
         }
