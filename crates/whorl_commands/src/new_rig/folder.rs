@@ -15,6 +15,8 @@ use crate::runs::write;
 
 /// Files of a folder that are looked at.
 const MOST_FILES: usize = 200;
+/// Lines of a sensor's file: an hour and a half at 500 Hz.
+const MOST_LINES: usize = 3_000_000;
 /// A usual length within this share of gravity is that of an accelerometer from which nobody has taken gravity \[1\].
 const NEAR: f64 = 0.25;
 /// What the files of a bag or a run are called, or end in.
@@ -52,7 +54,13 @@ pub fn together(folder: &Path, into: &Path) -> anyhow::Result<String> {
     let mut without_gravity = Vec::new();
     for table in &tables {
         // What holds no numbers is a list of settings or words.
-        let Ok(look) = whorl_bag::look(table, usize::MAX) else { continue };
+        let Ok(look) = whorl_bag::look(table, MOST_LINES) else { continue };
+        if look.lines >= MOST_LINES {
+            bail!(
+                "{}: {MOST_LINES} lines or more; a folder of sensors takes fewer: cut the recording into parts",
+                table.display()
+            );
+        }
         let Some(found) = time.as_ref().and_then(|time| sensor(&look, table, time)) else { continue };
         if found.channel == Channel::Accelerometer && !found.shows_gravity() {
             without_gravity.push(found.name);
