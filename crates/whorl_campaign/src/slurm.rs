@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use thiserror::Error;
+use whorl_math::words::shell_word;
 
 use crate::part::Part;
 
@@ -70,7 +71,7 @@ impl Job {
     /// The script of every task.
     #[must_use]
     pub fn script(&self) -> String {
-        let command: Vec<String> = self.command.iter().map(|word| quoted(word)).collect();
+        let command: Vec<String> = self.command.iter().map(|word| shell_word(word)).collect();
         format!(
             "#!/bin/sh\n# One part of a campaign; `whorl campaign --engine slurm` wrote and submitted this.\nexec {} --part \"$SLURM_ARRAY_TASK_ID/{}\" \
              --threads \"${{SLURM_CPUS_PER_TASK:-1}}\"\n",
@@ -195,11 +196,6 @@ fn ranges(numbers: &[u64]) -> String {
         if first == last { first.to_string() } else { format!("{first}-{last}") }
     };
     all.iter().map(one).collect::<Vec<_>>().join(",")
-}
-
-/// A word of a shell command.
-fn quoted(word: &str) -> String {
-    format!("'{}'", word.replace('\'', "'\\''"))
 }
 
 #[cfg(test)]

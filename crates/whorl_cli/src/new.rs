@@ -9,7 +9,7 @@ use serde_json::json;
 use whorl_commands::new_rig::next::Next;
 use whorl_commands::new_rig::questions::{Ask, Nobody};
 use whorl_commands::new_rig::{NewRig, Preset, new_rig};
-use whorl_commands::runs::quoted;
+use whorl_math::words::shell_word;
 
 use crate::output::{self, JsonArgument, ask, say};
 
@@ -73,7 +73,7 @@ fn tell(made: &NewRig) {
     }
     let command = made.next.arguments(&made.file, &made.map, &made.rig);
     let quoted =
-        |arguments: Vec<String>| arguments.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ");
+        |arguments: Vec<String>| arguments.iter().map(|word| shell_word(word)).collect::<Vec<_>>().join(" ");
     let command = command.map(|arguments| format!("whorl {}", quoted(arguments))).unwrap_or_default();
     match &made.next {
         Next::Compare => say!("next: {command}"),

@@ -6,7 +6,7 @@ use crate::output::{JsonArgument, tell};
 
 use whorl_commands::page::NewPage;
 pub use whorl_commands::page::{link_pages_beside, page_of};
-pub use whorl_commands::runs::{RunSources, Runs, quoted, write};
+pub use whorl_commands::runs::{RunSources, Runs, write};
 
 /// Runs, with the options for reading and testing them.
 #[derive(Debug, Clone, clap::Args)]

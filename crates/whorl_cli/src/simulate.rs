@@ -8,9 +8,9 @@ use clap::Args;
 use serde_json::json;
 pub use whorl_commands::simulate::record_quietly;
 use whorl_commands::simulate::{Record, Simulation};
+use whorl_math::words::shell_word;
 
 use crate::output::{JsonArgument, say, shown};
-use crate::runs::quoted;
 use crate::{progress, report};
 
 #[derive(Debug, Args)]
@@ -91,7 +91,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         if !arguments.no_report {
             let written = progress::during("writing the report", || report::write(path, None))?;
             report::print(&written);
-            say!("next: whorl compare {}", quoted(&shown(path)));
+            say!("next: whorl compare {}", shell_word(&shown(path)));
             report = Some((report::as_json(path, &written)?, written.verdict.failed()));
         }
     }

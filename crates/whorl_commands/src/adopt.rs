@@ -6,11 +6,12 @@ use anyhow::{Context, bail};
 use serde_json::json;
 use whorl_dynamics::effects::registered;
 use whorl_explain::{Adoption, Version};
+use whorl_math::words::shell_word;
 use whorl_node::Timestamp;
 use whorl_params::{EFFECTS_FOLDER, effect_files_beside, effect_yaml};
 
 use crate::model_file;
-use crate::runs::{Runs, quoted};
+use crate::runs::Runs;
 
 /// Version of the JSON output.
 const SCHEMA: u32 = 2;
@@ -45,7 +46,7 @@ pub fn write(
     write_effects(out, adoption, provenance)?;
     let written = model_file::write_step(out, &runs.known, &changes, adoption.step(provenance), now)?;
     let file = out.display();
-    let named = quoted(&file.to_string());
+    let named = shell_word(&file.to_string());
     Ok(format!(
         "{file}: {written} entries written; `whorl history {named}` lists what was adopted, `whorl adopt --undo --out {named}` \
          takes it back."

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use whorl_bag::CsvMap;
 use whorl_explain::Case;
+use whorl_math::words::shell_word;
 use whorl_objects::{is_remote, local};
 use whorl_recording::{
     KnownPlatform, ReadOptions, Recording, RecordingError, platform_parts, read_csv, read_model,
@@ -73,15 +74,15 @@ impl RunSources {
     /// A command about these runs, to be copied: `whorl where 'my run' --held-out b --model m.yaml`; `further` are its other words.
     #[must_use]
     pub fn command(&self, name: &str, further: &[&str]) -> String {
-        let path = |path: &PathBuf| quoted(&path.display().to_string());
+        let path = |path: &PathBuf| shell_word(&path.display().to_string());
         let mut words = vec!["whorl".to_owned(), name.to_owned()];
         words.extend(self.runs.iter().map(path));
-        words.extend(further.iter().map(|word| quoted(word)));
+        words.extend(further.iter().map(|word| shell_word(word)));
         words.extend(self.held_out.iter().flat_map(|run| ["--held-out".to_owned(), path(run)]));
         for (option, file) in [("--model", &self.model), ("--channels", &self.channels)] {
             words.extend(file.iter().flat_map(|file| [option.to_owned(), path(file)]));
         }
-        words.extend(self.platform.iter().flat_map(|name| ["--platform".to_owned(), quoted(name)]));
+        words.extend(self.platform.iter().flat_map(|name| ["--platform".to_owned(), shell_word(name)]));
         words.join(" ")
     }
 
@@ -250,17 +251,7 @@ impl Runs {
 /// The command that makes a model and a map of a file, to be copied.
 #[must_use]
 pub fn of_new(file: &Path) -> String {
-    format!("`whorl new {}`", quoted(&file.display().to_string()))
-}
-
-/// A word as a shell takes it: in quotes where it has a space or another character that a shell would not leave alone.
-#[must_use]
-pub fn quoted(word: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./=:,+@%".contains(c) || !c.is_ascii();
-    if !word.is_empty() && word.chars().all(is_plain) {
-        return word.to_owned();
-    }
-    format!("'{}'", word.replace('\'', "'\\''"))
+    format!("`whorl new {}`", shell_word(&file.display().to_string()))
 }
 
 /// A CSV file, plain or compressed.

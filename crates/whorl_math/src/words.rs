@@ -85,6 +85,16 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
     }
 }
 
+/// A word as a shell takes it: in quotes where it has a space or another character that a shell would not leave alone.
+#[must_use]
+pub fn shell_word(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./=:,+@%".contains(c) || !c.is_ascii();
+    if !word.is_empty() && word.chars().all(is_plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', "'\\''"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

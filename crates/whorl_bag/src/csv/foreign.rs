@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use whorl_math::words::shell_word;
+
 /// First bytes, what begins so, and what to do; `{file}` is the file, `{stem}` its path without ending.
 const KNOWN: &[(&[u8], &str, &str)] = &[
     (
@@ -58,15 +60,9 @@ const KNOWN: &[(&[u8], &str, &str)] = &[
 pub(super) fn told(path: &Path, begins: &[u8]) -> Option<(&'static str, String)> {
     let is = |(magic, ..): &&(&[u8], &str, &str)| begins.starts_with(magic);
     let (_, what, then) = KNOWN.iter().find(is)?;
+    let word = |path: &Path| shell_word(&path.display().to_string());
     let then = then.replace("{file}", &word(path)).replace("{stem}", &word(&path.with_extension("")));
     Some((what, then))
-}
-
-/// A path as a shell takes it.
-fn word(path: &Path) -> String {
-    let path = path.display().to_string();
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./".contains(c) || !c.is_ascii();
-    if path.chars().all(is_plain) { path } else { format!("'{}'", path.replace('\'', "'\\''")) }
 }
 
 #[cfg(test)]

@@ -12,12 +12,13 @@ use whorl_commands::next::{common_file, proposal};
 use whorl_diagnosis::Progress;
 use whorl_explain::Proposal;
 use whorl_explain::propose::{Judged, needs_run, yaml};
+use whorl_math::words::shell_word;
 use whorl_report::{NextPage, PlannedMotion};
 
 use crate::explain::{ExplainArguments, SearchArguments};
 use crate::output::say;
 use crate::progress;
-use crate::runs::{RunSources, quoted, write};
+use crate::runs::{RunSources, write};
 use crate::table::print;
 
 /// Version of the JSON output.
@@ -80,8 +81,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     say!("\nexperiment: {}", out.display());
     let of_folder = folder
         .filter(|f| *f != Path::new("params") && f.join(format!("{}.yaml", known.platform)).is_file())
-        .map_or_else(String::new, |f| format!(" --params {}", quoted(&f.display().to_string())));
-    let written = quoted(&out.display().to_string());
+        .map_or_else(String::new, |f| format!(" --params {}", shell_word(&f.display().to_string())));
+    let written = shell_word(&out.display().to_string());
     let new_run = format!("runs/{name}");
     say!("next:       whorl simulate --experiment {written}{of_folder} --out {new_run}");
     say!("  over DDS: whorl run {written} --platforms {}{of_folder}", known.platform);
