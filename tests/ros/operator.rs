@@ -92,9 +92,10 @@ fn platform() -> Formation {
     Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE, BY_HAND])
 }
 
+/// Each command is a participant that comes and goes: more of them, within seconds, than samples of a topic are kept for a reader.
 #[test]
 fn an_operator_is_heard_every_time() {
-    is_heard(platform(), 3);
+    is_heard(platform(), 25);
 }
 
 #[test]

@@ -51,14 +51,22 @@ impl EndpointQos {
     /// `ros_discovery_info`.
     pub const DISCOVERY_INFO: Self = Self { reliable: true, depth: 1, transient_local: true };
 
-    fn policies(self) -> QosPolicies {
+    fn policies_of_reader(self) -> QosPolicies {
         self.builder().build()
+    }
+
+    /// A writer takes limits that it does not have from its topic, and then waits where so many samples are not acknowledged.
+    fn policies_of_writer(self) -> QosPolicies {
+        self.within(MOST_UNACKNOWLEDGED)
     }
 
     /// What is kept of a topic in all: RustDDS keeps 64 samples of it where nothing else is said, however large they are, and a
     /// stranger's may be of megabytes.
     fn policies_of_topic(self) -> QosPolicies {
-        let most = i32::from(self.depth).max(LEAST_KEPT);
+        self.within(i32::from(self.depth).max(LEAST_KEPT))
+    }
+
+    fn within(self, most: i32) -> QosPolicies {
         let limits =
             ResourceLimits { max_samples: most, max_instances: most, max_samples_per_instance: most };
         self.builder().resource_limits(limits).build()
@@ -108,6 +116,10 @@ impl DiscoveredEndpoint {
 /// Samples of a topic that are kept for its reader at least: 0.2 s of the fastest topics, for which DDS stands still at times where
 /// traffic is secured.
 const LEAST_KEPT: i32 = 20;
+/// Samples of a reliable writer that no reader has acknowledged at most, then it waits and loses what it writes: those of the fastest topics
+/// in 40 s, and what RustDDS allows where nothing is said. A reader that has gone without a word counts until its lease is over, and one
+/// behind a poor link is late: neither must silence the writer for all others.
+const MOST_UNACKNOWLEDGED: i32 = 8192;
 /// How often creation is repeated when DDS gets stuck. This happens to about one participant in a hundred on a
 /// very busy machine.
 const ATTEMPTS: usize = 5;
@@ -195,8 +207,10 @@ impl Participant {
     /// # Errors
     /// When DDS refuses; [`RosError::Stuck`] when it does not come back.
     pub fn dds_reader(&self, topic: &str, dds_type: &str, qos: EndpointQos) -> Result<RawReader, RosError> {
-        let reader =
-            self.create(format!("creating a reader of {topic}"), topic, dds_type, qos, Entities::reader)?;
+        let doing = format!("creating a reader of {topic}");
+        let reader = self.create(doing, topic, dds_type, qos, move |entities, topic| {
+            entities.reader(topic, qos.policies_of_reader())
+        })?;
         Ok(RawReader::new(self.worker.keep(reader), topic.to_owned()))
     }
 
@@ -205,8 +219,10 @@ impl Participant {
     /// # Errors
     /// When DDS refuses; [`RosError::Stuck`] when it does not come back.
     pub fn dds_writer(&self, topic: &str, dds_type: &str, qos: EndpointQos) -> Result<RawWriter, RosError> {
-        let writer =
-            self.create(format!("creating a writer of {topic}"), topic, dds_type, qos, Entities::writer)?;
+        let doing = format!("creating a writer of {topic}");
+        let writer = self.create(doing, topic, dds_type, qos, move |entities, topic| {
+            entities.writer(topic, qos.policies_of_writer())
+        })?;
         Ok(RawWriter::new(self.worker.keep(writer), topic.to_owned(), self.network.enclave.is_some()))
     }
 
@@ -216,15 +232,14 @@ impl Participant {
         topic: &str,
         dds_type: &str,
         qos: EndpointQos,
-        create: fn(&Entities, &Topic, QosPolicies) -> CreateResult<T>,
+        create: impl FnOnce(&Entities, &Topic) -> CreateResult<T> + Send + 'static,
     ) -> Result<T, RosError> {
         let entities = self.entities.clone();
         let (topic, dds_type) = (topic.to_owned(), dds_type.to_owned());
         let work = move || {
-            let policies = qos.policies();
             let kept = qos.policies_of_topic();
             let topic = entities.participant.create_topic(topic, dds_type, &kept, TopicKind::NoKey)?;
-            create(&entities, &topic, policies)
+            create(&entities, &topic)
         };
         match self.worker.run(LONGEST_CREATION, work) {
             Some(result) => result.map_err(|e| RosError::dds(doing, e)),
