@@ -116,7 +116,7 @@ impl DiscoveredEndpoint {
 /// Samples of a topic that are kept for its reader at least: 0.2 s of the fastest topics, for which DDS stands still at times where
 /// traffic is secured.
 const LEAST_KEPT: i32 = 20;
-/// Samples of a reliable writer that no reader has acknowledged at most, then it waits and loses what it writes: those of the fastest topics
+/// Samples of a reliable writer that some reader has not acknowledged at most, then it waits and loses what it writes: those of the fastest topics
 /// in 40 s, and what RustDDS allows where nothing is said. A reader that has gone without a word counts until its lease is over, and one
 /// behind a poor link is late: neither must silence the writer for all others.
 const MOST_UNACKNOWLEDGED: i32 = 8192;
