@@ -12,11 +12,11 @@ use whorl_commands::{
     identify as identification,
 };
 use whorl_commands::{locate as location, options, simulate::utc_now};
-use whorl_diagnosis::Options;
 use whorl_dynamics::effects::find;
 use whorl_explain::ProgressCallback;
-use whorl_identification::Settings;
+use whorl_identification::Options;
 use whorl_params::effect_yaml;
+use whorl_prediction::Settings;
 use whorl_recording::KnownPlatform;
 
 use crate::platform::Platform;
@@ -140,8 +140,8 @@ pub fn discover(
     watched(py, progress, move |say| {
         let options = with_excluded(exclude)?;
         let (case, name) = (runs.case(), runs.known.platform.as_str());
-        let mut said = |p: whorl_diagnosis::Progress| say(0.5 * p.share, p.doing);
-        let asked = whorl_diagnosis::diagnose(
+        let mut said = |p: whorl_identification::Progress| say(0.5 * p.share, p.doing);
+        let asked = whorl_identification::diagnose(
             case.training,
             case.held_out,
             case.model,
@@ -155,7 +155,7 @@ pub fn discover(
         }
         let competitors = discovery::competitors(&asked);
         let mut rest = |share: f64, doing: &str| say(0.5 + 0.5 * share, doing);
-        let found = whorl_discovery::discover(
+        let found = whorl_identification::discover(
             case.training,
             case.held_out,
             case.model,
@@ -168,7 +168,7 @@ pub fn discover(
         let answer = discovery::answer(&found);
         let json = discovery::as_json(name, &asked, Some(&found), &answer)?;
         let page = whorl_report::discovery_html(&found, &answer, &runs.facts);
-        let yaml = |law: Option<&whorl_discovery::EvaluatedLaw>| {
+        let yaml = |law: Option<&whorl_identification::EvaluatedLaw>| {
             let law = law?;
             Some(effect_yaml(law.definition.as_ref()?, &format!("{}\n{source}", law.sentence)))
         };

@@ -218,11 +218,12 @@ pub mod bag {
     pub use whorl_bag::*;
 }
 
-/// Mass properties in batch and on line, sensor calibration, balancing.
+/// What recordings say about a model: which physical effect it lacks, mass properties in batch and on line, sensor calibration, balancing.
 ///
 /// ```no_run
 /// use std::path::Path;
-/// use whorl::identification::{Settings, identify};
+/// use whorl::identification::identify;
+/// use whorl::prediction::Settings;
 /// use whorl::recording::{read_model, read_run};
 ///
 /// let run = Path::new("runs/identify");
@@ -235,6 +236,11 @@ pub mod bag {
 /// ```
 pub mod identification {
     pub use whorl_identification::*;
+}
+
+/// The filter by which everything is predicted and fitted: what is to come from the readings so far, the likelihood of a whole run.
+pub mod prediction {
+    pub use whorl_prediction::*;
 }
 
 /// What the data of a run say before anything is explained: checks, noise, smoothing, residual torque, spectra.

@@ -7,9 +7,10 @@ use whorl_commands::identify::findings_as_json;
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::actuators::moving_masses::MovingMass;
 use whorl_identification::balance::{Ballast, plan_balance};
+use whorl_identification::identify;
 use whorl_identification::mass_parameters::gravity_offset_b_n_m;
-use whorl_identification::{Settings, identify};
 use whorl_math::GRAVITY_M_S2;
+use whorl_prediction::Settings;
 use whorl_recording::Recording;
 
 use crate::identify::print_findings;

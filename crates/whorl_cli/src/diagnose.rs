@@ -6,7 +6,7 @@ use whorl_commands::diagnose::{as_json, as_lines, with_next};
 use whorl_commands::runs::write;
 use whorl_commands::settings::as_yaml;
 use whorl_commands::tables::write_diagnosis;
-use whorl_diagnosis::{Diagnosis, Settings, Verdict};
+use whorl_identification::{Diagnosis, Settings, Verdict};
 use whorl_math::three_digits;
 
 use crate::explain::{ExplainArguments, SearchArguments};

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use whorl_commands::discover::{answer, as_json, competitors, settled};
-use whorl_discovery::{Discovery, EvaluatedLaw, discover};
+use whorl_identification::{Discovery, EvaluatedLaw, discover};
 use whorl_math::three_digits;
 use whorl_params::effect_yaml;
 
@@ -42,8 +42,15 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let options = arguments.search.options()?;
     let case = runs.case();
     let diagnosis = progress::watched("asking the catalogue", |say| {
-        let mut said = |p: whorl_diagnosis::Progress| say(p.share, p.doing);
-        whorl_diagnosis::diagnose(case.training, case.held_out, case.model, case.prior, &options, &mut said)
+        let mut said = |p: whorl_identification::Progress| say(p.share, p.doing);
+        whorl_identification::diagnose(
+            case.training,
+            case.held_out,
+            case.model,
+            case.prior,
+            &options,
+            &mut said,
+        )
     })?;
     if let Some(reason) = settled(&diagnosis).filter(|_| !arguments.anyway) {
         for sentence in diagnosis.answer() {

@@ -6,9 +6,10 @@ use anyhow::Context;
 use serde_json::{Value, json};
 use whorl_commands::identify::as_json;
 use whorl_dynamics::platform::Wheel;
-use whorl_identification::{Determined, Settings, predict};
+use whorl_identification::{Determined, predict};
 use whorl_math::deg_from_rad;
 use whorl_math::words::or_did_you_mean;
+use whorl_prediction::Settings;
 use whorl_recording::{KnownPlatform, ReadOptions, Recording, read_model, read_run_with};
 
 use crate::identify::{print_findings, print_identification};

@@ -6,8 +6,8 @@ use anyhow::bail;
 use serde::Serialize;
 use whorl_commands::options;
 use whorl_commands::settings::read;
-use whorl_diagnosis::{Options, Settings};
 use whorl_dynamics::effects::find;
+use whorl_identification::{Options, Settings};
 
 use crate::effects::unknown;
 use crate::runs::{OutputArguments, RunArguments};

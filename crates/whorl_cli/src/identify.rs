@@ -9,8 +9,9 @@ use whorl_commands::identify::as_json;
 use whorl_dynamics::PlatformModel;
 use whorl_explain::changes::changes;
 use whorl_identification::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, UNITS, mass_vector};
-use whorl_identification::{Determined, Finding, FittedParameter, Identification, Settings, identify};
+use whorl_identification::{Determined, Finding, Identification, IdentifiedParameter, identify};
 use whorl_params::ModelStep;
+use whorl_prediction::Settings;
 use whorl_recording::{KnownPlatform, Recording};
 use whorl_reproduce::regression::{
     self, Form, Regressed, RegressionSettings, Weights, regress as regression_of,
@@ -228,7 +229,7 @@ pub fn print_identification(model: &PlatformModel, found: &Identification) {
         &cells,
     );
     // Of actuators what the data changed: there may be dozens.
-    let told = |p: &&FittedParameter| p.determined != Determined::No || p.at_bound;
+    let told = |p: &&IdentifiedParameter| p.determined != Determined::No || p.at_bound;
     for p in found.effects.iter().chain(found.actuators.iter().filter(told)) {
         say!(
             "  {} {}: {} +- {} {} (before +- {}){}",

@@ -125,8 +125,8 @@ pub fn as_json(
 
 #[cfg(test)]
 mod tests {
-    use whorl_diagnosis::Options;
     use whorl_explain::adopt;
+    use whorl_identification::Options;
 
     use crate::runs::RunSources;
     use crate::simulate::record_quietly;

@@ -1,7 +1,7 @@
 //! Answers of `diagnose` as data.
 
-use whorl_diagnosis::{FittedSet, Options};
 use whorl_explain::{ExplainError, Explanation, ProgressCallback, diagnose};
+use whorl_identification::{FittedSet, Options};
 
 use crate::next;
 use crate::runs::Runs;
@@ -24,7 +24,7 @@ pub fn with_next(
     Ok(found)
 }
 
-/// Every set that was fitted, one JSON object a line ([`whorl_diagnosis::FittedSet`]), most probable first.
+/// Every set that was fitted, one JSON object a line ([`whorl_identification::FittedSet`]), most probable first.
 ///
 /// # Errors
 /// When a number cannot be serialised.

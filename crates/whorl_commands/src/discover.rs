@@ -1,7 +1,7 @@
 //! Before and after a search for a law: whether to search, what competes, and the answer.
 
-use whorl_diagnosis::{Diagnosis, Verdict};
-use whorl_discovery::{Discovery, EvaluatedLaw};
+use whorl_identification::{Diagnosis, Verdict};
+use whorl_identification::{Discovery, EvaluatedLaw};
 use whorl_math::three_digits;
 
 /// Version of the JSON output.

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use whorl_dynamics::PlatformModel;
 use whorl_identification::mass_parameters::{MASS_PARAMETERS, NAMES, UNITS, mass_vector};
-use whorl_identification::{Determined, Finding, FittedParameter, Identification};
+use whorl_identification::{Determined, Finding, Identification, IdentifiedParameter};
 
 /// Everything that was identified, beside what the model had before.
 #[must_use]
@@ -36,8 +36,8 @@ pub fn as_json(platform: &str, model: &PlatformModel, found: &Identification) ->
     })
 }
 
-fn beside_as_json(parameters: &[FittedParameter]) -> Vec<Value> {
-    let one = |p: &FittedParameter| {
+fn beside_as_json(parameters: &[IdentifiedParameter]) -> Vec<Value> {
+    let one = |p: &IdentifiedParameter| {
         json!({
             "effect": p.effect, "name": p.name, "unit": p.unit, "before": p.before, "estimate": p.value,
             "stddev": p.stddev, "prior_stddev": p.prior_stddev,

@@ -44,7 +44,7 @@ pub mod simulate;
 pub mod tables;
 mod words;
 
-use whorl_diagnosis::Options;
+use whorl_identification::Options;
 pub use words::{in_words, of_arguments};
 
 /// Default options of the search for effects, on all processors.

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use whorl_diagnosis::{Diagnosis, NextManoeuvre, Options, Verdict};
 use whorl_explain::propose::leading_explanation;
 use whorl_explain::{ProgressCallback, Proposal, propose};
+use whorl_identification::{Diagnosis, NextManoeuvre, Options, Verdict};
 use whorl_recording::KnownPlatform;
 
 use crate::rehearsal::Stage;

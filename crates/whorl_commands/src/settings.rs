@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::bail;
-use whorl_diagnosis::Settings;
+use whorl_identification::Settings;
 use whorl_params::{ParameterTree, Value};
 
 /// Section of the file.
@@ -97,8 +97,7 @@ mod tests {
     fn what_is_printed_is_read_back() {
         let mut changed = Settings::default();
         changed.set("worth_mentioning", &[5e-4]).unwrap();
-        changed.set("memory_samples", &[400.0]).unwrap();
-        changed.set("model_discrepancies", &[0.0, 0.02, 0.06, 0.2]).unwrap();
+        changed.set("unusual_odds", &[400.0]).unwrap();
         let text = as_yaml(&changed);
         assert_eq!(read_text(&text).unwrap(), changed);
         // Before a line of the predictor stand six characters.
@@ -122,20 +121,20 @@ mod tests {
 
     #[test]
     fn a_file_may_hold_some_and_nothing_that_there_is_not() {
-        let some = read_text("diagnosis:\n  memory_s: 40\n").unwrap();
+        let some = read_text("diagnosis:\n  at_work_s: 40\n").unwrap();
         assert_eq!(some, {
             let mut settings = Settings::default();
-            settings.set("memory_s", &[40.0]).unwrap();
+            settings.set("at_work_s", &[40.0]).unwrap();
             settings
         });
         for (line, parts) in [
             (
-                "  memory: 40",
-                ["settings.yaml:2: memory = 40", "allowed: present,", "memory_s, memory_samples"],
+                "  at_work: 40",
+                ["settings.yaml:2: at_work = 40", "allowed: present,", "at_work_s, unusual_size"],
             ),
             ("  sure: 1.5", ["settings.yaml:2: sure = 1.5", "a number between", "0 and 1"]),
             ("  sure: often", ["settings.yaml:2: sure = ", "a number between", "0 and 1"]),
-            ("  memory_s: -1", ["settings.yaml:2: memory_s = -1", "a number", "> 0"]),
+            ("  at_work_s: -1", ["settings.yaml:2: at_work_s = -1", "a number", "> 0"]),
         ] {
             let error = read_text(&format!("diagnosis:\n{line}\n")).unwrap_err().to_string();
             assert!(parts.iter().all(|part| error.contains(part)), "{error}");

@@ -2,8 +2,8 @@
 
 mod support;
 
-use whorl_diagnosis::Options;
 use whorl_explain::diagnose;
+use whorl_identification::Options;
 
 fn main() -> anyhow::Result<()> {
     let material = support::Material::read()?;

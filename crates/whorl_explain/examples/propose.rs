@@ -9,10 +9,10 @@ use std::time::Duration;
 
 use anyhow::Context;
 use whorl_bag::{BagError, BagOptions, RunDescription, RunWriter};
-use whorl_diagnosis::Options;
 use whorl_explain::changes::changes;
 use whorl_explain::propose::leading_explanation;
 use whorl_explain::{Case, diagnose, propose};
+use whorl_identification::Options;
 use whorl_msgs::topics::{Message, Route};
 use whorl_node::{LogLine, Timestamp};
 use whorl_params::{Override, ParameterTree, standard_layers};

@@ -1,6 +1,6 @@
 //! Which physical effect a model lacks.
 
-use whorl_diagnosis::{Diagnosis, Options, Progress, Verdict};
+use whorl_identification::{Diagnosis, Options, Progress, Verdict};
 use whorl_recording::Mounting;
 use whorl_validation::{SMALL_ERROR, UnexplainedTorques, unexplained_torques_as};
 
@@ -43,11 +43,11 @@ pub fn diagnose(
 ) -> Result<Explanation, ExplainError> {
     let Case { training, held_out, model, prior } = *case;
     say(0.0, "comparing what the sensors' low-pass may be");
-    let delaying = whorl_diagnosis::with_low_passes_that_delay(training, model, prior, options)?;
+    let delaying = whorl_identification::with_low_passes_that_delay(training, model, prior, options)?;
     let options = &Options { delaying: Some(delaying), ..options.clone() };
     let mut search = part(say, 0.1, 0.7);
     let mut progress = |p: Progress| search(p.share, p.doing);
-    let diagnosis = whorl_diagnosis::diagnose(training, held_out, model, prior, options, &mut progress)?;
+    let diagnosis = whorl_identification::diagnose(training, held_out, model, prior, options, &mut progress)?;
     drop(search);
     let named = (!diagnosis.effects.is_empty()).then(|| diagnosis.effects.clone());
     let sets: Vec<Vec<String>> = named.into_iter().collect();

@@ -1,7 +1,7 @@
 //! Why data cannot be explained.
 
 use thiserror::Error;
-use whorl_diagnosis::DiagnosisError;
+use whorl_identification::DiagnosisError;
 use whorl_trajectory::Refusal;
 use whorl_validation::ValidationError;
 

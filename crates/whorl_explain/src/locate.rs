@@ -1,8 +1,8 @@
 //! In which regime a model fails.
 
 use rayon::prelude::*;
-use whorl_diagnosis::{Fit, Options, fit};
 use whorl_dynamics::PlatformModel;
+use whorl_identification::{Fit, Options, fit};
 use whorl_recording::Recording;
 use whorl_validation::{Localisation, UnexplainedTorques, explain_where, unexplained_torques_as};
 

@@ -7,9 +7,9 @@
 //! widened until they fit (Birge's ratio). With N tests in all (parameters times places, and one drift each) a chance p
 //! becomes 1 - (1 - p)^N: that is the significance after all that was looked at.
 
-use whorl_diagnosis::{Options, fit};
 use whorl_dynamics::effects::{catalogue, find};
 use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_identification::{Options, fit};
 use whorl_math::statistics::{normal_probability, normal_quantile};
 use whorl_recording::Recording;
 

@@ -1,6 +1,14 @@
-//! Mass properties, sensor calibration, balancing and the design of experiments that determine them.
+//! What recordings say about a model: its mass properties and other constants, and which physical effect it lacks.
 //!
-//! [`identify`] is the method to use: the likelihood of the readings, with priors, and with a consistent uncertainty.
+//! [`diagnose`] compares recordings with the model of the platform and ends in a verdict; [`fit`]
+//! refits the model jointly with named effects; [`identify()`] determines mass properties and what goes with them. All of them take the
+//! likelihood of the readings themselves, with priors ([`whorl_prediction`]).
+//!
+//! # Method
+//!
+//! The platform's own parameters are fitted to every sample. One pass of the causal filter about that fit has a column for every effect of
+//! the catalogue, so that thousands of sets of effects are ranked by linear algebra; the few that may win are fitted, each with the noise
+//! that is likeliest beside it, and are tried on held-out runs. The posterior is prior odds times evidence. See METHOD.md of this crate.
 //!
 //! Source of names and equation numbers: J. L. Schwartz, *The Distributed Spacecraft Attitude Control
 //! System Simulator*, Ph.D. dissertation, Virginia Tech, 2004, sections 4.2-4.4 and 4.6. Where its
@@ -10,17 +18,42 @@
 
 pub mod balance;
 pub mod calibration;
+mod diagnose;
+mod discovery;
+mod error;
 mod finding;
+mod fitting;
+mod grammar;
 mod identification;
 pub mod mass_parameters;
+mod options;
+mod parameter_space;
 pub mod realisability;
+mod selection;
 pub mod sequential;
+mod settings;
+mod signals;
 #[cfg(test)]
 mod tests;
+mod threads;
+mod verdict;
 
+pub(crate) use diagnose::{checked, delaying};
+pub use diagnose::{diagnose, with_low_passes_that_delay};
+pub use discovery::{Discovery, DiscoveryError, Drawn, DrawnPoint, EvaluatedLaw, FittedValue, discover};
+pub use error::DiagnosisError;
 pub use finding::{DataError, Finding};
+pub use fitting::refit::{Fit, FittedParameter};
+pub use fitting::ties::Tie;
+pub use fitting::{Direction, Directions, Fitter, Measured, Suspect, directions, fit};
 pub use identification::{
-    Determined, FittedParameter, Identification, UpdateError, identify, predict, usable_readings,
+    Determined, Identification, IdentifiedParameter, UpdateError, identify, predict, usable_readings,
 };
 pub use mass_parameters::{MassCovariance, MassVector};
-pub use whorl_prediction::Settings;
+pub use options::{Options, Progress};
+pub use selection::information::{ExpectedInformation, InformationByRun, expected_information};
+pub use settings::{Allowed, Setting, Settings};
+pub use verdict::diagnosis::{
+    BackgroundTorque, Candidate, Diagnosis, Explanation, FittedSet, NextManoeuvre, NoiseScale,
+    ParameterEstimate, ParameterOfSet, SCHEMA, SlowResidual, Termination, Unknown, Verdict,
+};

@@ -27,8 +27,8 @@
 //! evaluated from the first start on, which is never left out, and with a head start ([`Settings::head_start`]).
 
 use nalgebra::DMatrix;
-use whorl_diagnosis::{Direction, Directions};
 use whorl_dynamics::effects;
+use whorl_identification::{Direction, Directions};
 
 use crate::Settings;
 use crate::filter::{Whitened, torque_rates};

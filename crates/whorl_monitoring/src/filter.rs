@@ -8,10 +8,10 @@
 //! Phi(t) = I + t J + t^2 J^2 / 2, J the Jacobian of the equation of motion.
 
 use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion, Vector3};
-use whorl_diagnosis::Directions;
 use whorl_dynamics::Gyrostat;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_dynamics::platform::Wheel;
+use whorl_identification::Directions;
 
 use crate::Settings;
 use crate::lanes::{Changes, Lanes};

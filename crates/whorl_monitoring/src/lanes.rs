@@ -1,8 +1,8 @@
 //! What directions in which the model can change do to a bin's prediction.
 
 use nalgebra::{DMatrix, DVector, Vector3};
-use whorl_diagnosis::{Direction, Directions};
 use whorl_dynamics::{EffectKind, Gyrostat};
+use whorl_identification::{Direction, Directions};
 
 use crate::places::Places;
 use crate::predictor::Bin;

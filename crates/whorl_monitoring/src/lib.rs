@@ -1,6 +1,6 @@
 //! Whether a platform still moves as its model says, while it moves.
 //!
-//! A recursive form of the regression of `whorl_diagnosis` (its METHOD.md), over gyro and wheel speeds:
+//! A recursive form of the regression of `whorl_identification` (its METHOD.md), over gyro and wheel speeds:
 //!
 //! 1. Every bin (0.2 s) is predicted by the platform's own plant code with the torques and pulses that were carried out,
 //!    from the best estimate at its start; the attitude is the estimator's ([`predictor`]). It is predicted when everything

@@ -4,11 +4,11 @@ use std::collections::VecDeque;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use thiserror::Error;
-use whorl_diagnosis::{Directions, Measured, directions};
 use whorl_dynamics::actuators::Kind;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_dynamics::platform::TiltLimit;
 use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_identification::{Directions, Measured, directions};
 
 use crate::Settings;
 use crate::evidence::{Evidence, UNKNOWN_TORQUE};
@@ -37,7 +37,7 @@ const ROUNDED_S: f64 = 1e-6;
 pub enum MonitorError {
     /// Its model cannot be simulated.
     #[error(transparent)]
-    Model(#[from] whorl_diagnosis::DiagnosisError),
+    Model(#[from] whorl_identification::DiagnosisError),
     /// It has motors whose states the monitor does not follow.
     #[error("the model has motors of another kind ({what}): only wheels and jets are watched")]
     OtherActuators {

@@ -82,7 +82,7 @@ pub use innovations::{Innovation, instants_on_this_thread};
 pub use kept_gains::FrozenGains;
 pub use laws::{Laws, Push};
 pub use layout::Layout;
-pub use levels::{Followed, follow, follow_again, follow_as};
+pub use levels::{Followed, follow, follow_again, follow_as, followed_with};
 pub use likelihood::{Likelihood, likelihood};
 pub use noise::{Disturbance, Noise, RandomTorque};
 pub use other::Varied;

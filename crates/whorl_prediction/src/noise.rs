@@ -53,7 +53,8 @@ impl Disturbance {
     }
 
     /// The same with all standard deviations larger by a factor.
-    pub(crate) fn scaled(&self, factor: f64) -> Self {
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
         let body = self
             .body
             .iter()

@@ -56,8 +56,7 @@ pub(crate) struct Passes(pub Vec<Pass>);
 
 impl Passes {
     pub fn log_likelihood(&self) -> f64 {
-        let all = self.0.iter().map(|pass| &pass.likelihood);
-        all.map(|l| if l.lost { f64::NEG_INFINITY } else { l.log }).sum()
+        self.0.iter().map(Pass::log_likelihood).sum()
     }
 
     /// Mean square of the normalised innovations, 1 at least.
@@ -168,6 +167,11 @@ fn pass_with_gains(case: &Prepared<'_>, noise: &Noise, start: &Start, kept: &Arc
 }
 
 impl Pass {
+    /// log p of the recording; minus infinity where it cannot be followed.
+    pub fn log_likelihood(&self) -> f64 {
+        if self.likelihood.lost { f64::NEG_INFINITY } else { self.likelihood.log }
+    }
+
     /// Of a motion that cannot be followed.
     fn lost(start: &Start) -> Self {
         let likelihood = Likelihood { log: f64::NEG_INFINITY, lost: true, ..Likelihood::default() };

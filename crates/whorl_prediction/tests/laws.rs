@@ -91,7 +91,9 @@ fn said_of(recording: &Recording, effects: usize) -> Hints {
     let model_at = |units: &[f64]| Some(with(units));
     let recordings = [recording.clone()];
     let at = vec![0.0; effects];
-    hints(&recordings, &parameters, &model_at, &at, &[followed], &[laws()], &Settings::default()).unwrap()
+    hints(&recordings, &parameters, &model_at, &at, &[followed], &[laws()], &Settings::default())
+        .unwrap()
+        .remove(0)
 }
 
 #[test]

@@ -3,9 +3,10 @@
 use nalgebra::{Unit, Vector3};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_identification::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, UNITS, mass_vector};
-use whorl_identification::{Identification, Settings, identify};
+use whorl_identification::{Identification, identify};
 use whorl_math::attitude_from_vertical;
 use whorl_math::statistics::median;
+use whorl_prediction::Settings;
 use whorl_report::Reproduction;
 
 use crate::data::{measured, rigid_whorl_1};

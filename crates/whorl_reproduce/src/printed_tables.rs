@@ -12,10 +12,11 @@
 
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_identification::identify;
 use whorl_identification::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, mass_vector};
-use whorl_identification::{Settings, identify};
 use whorl_math::attitude_from_vertical;
 use whorl_math::statistics::median;
+use whorl_prediction::Settings;
 use whorl_recording::Recording;
 use whorl_report::ReproducedPlot;
 

@@ -13,7 +13,7 @@ use std::time::Duration;
 use criterion::{Criterion, criterion_group, criterion_main};
 use whorl_challenge::cases::build::{Stand, stand_key};
 use whorl_challenge::cases::{Laboratory, all_specs, build};
-use whorl_diagnosis::{Options, diagnose};
+use whorl_identification::{Options, diagnose};
 
 /// No missing effect; one torque; hidden states; sensors that contradict each other.
 const CASES: [&str; 4] = [

@@ -15,11 +15,11 @@ use anyhow::Result;
 use clap::Parser;
 use whorl_challenge::cases::build::{Built, Stand, stand_key};
 use whorl_challenge::cases::{Cell, Laboratory, Spec, build, foreign};
-use whorl_diagnosis::{Diagnosis, Options, Verdict, diagnose};
-use whorl_discovery::{Discovery, discover};
 use whorl_dynamics::effects::written::WrittenEffect;
 use whorl_dynamics::effects::{register, withdraw};
 use whorl_explain::{Case, adopt};
+use whorl_identification::{Diagnosis, Options, Verdict, diagnose};
+use whorl_identification::{Discovery, discover};
 
 /// Laws that nobody listed, for the search to find, and the score.
 #[derive(Debug, Parser)]

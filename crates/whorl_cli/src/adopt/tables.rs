@@ -1,8 +1,8 @@
 //! Before and after as tables.
 
-use whorl_diagnosis::FittedParameter;
 use whorl_explain::Version;
 use whorl_explain::adopt::CORRECTION;
+use whorl_identification::FittedParameter;
 use whorl_math::three_digits;
 
 use crate::output::say;

@@ -10,7 +10,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use clap::Args;
-use whorl_diagnosis::{Diagnosis, Verdict};
+use whorl_identification::{Diagnosis, Verdict};
 use whorl_recording::read_model;
 
 use self::outcome::{Outcome, pointing_rms_rad, prediction};

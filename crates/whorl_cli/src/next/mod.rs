@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use serde_json::json;
 use whorl_commands::next::{common_file, proposal};
-use whorl_diagnosis::Progress;
 use whorl_explain::Proposal;
 use whorl_explain::propose::{Judged, needs_run, yaml};
+use whorl_identification::Progress;
 use whorl_math::words::shell_word;
 use whorl_report::{NextPage, PlannedMotion};
 
@@ -53,7 +53,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let diagnosis = progress::watched("diagnosing", |say| {
         let mut show = |p: Progress| say(p.share, p.doing);
         let (training, held_out) = (&runs.training, &runs.held_out);
-        whorl_diagnosis::diagnose(training, held_out, &known.model, &known.prior, &options, &mut show)
+        whorl_identification::diagnose(training, held_out, &known.model, &known.prior, &options, &mut show)
     })?;
     let proposal = progress::watched("fitting the leading explanation", |say| {
         proposal(&runs, &common, &diagnosis, &options, say)

@@ -10,8 +10,8 @@ use serde_json::{Value, json};
 use whorl_bag::CsvMap;
 use whorl_campaign::recordings::{Item, Question, RecordingsDefinition};
 use whorl_campaign::work::Folder;
-use whorl_diagnosis::Options;
 use whorl_explain::{ExplainError, compare};
+use whorl_identification::Options;
 use whorl_recording::Recording;
 use whorl_tables::{Table, TableError, Values, partition};
 

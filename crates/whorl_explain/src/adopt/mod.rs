@@ -6,7 +6,7 @@ mod words;
 
 use std::collections::BTreeMap;
 
-use whorl_diagnosis::{DiagnosisError, Options};
+use whorl_identification::{DiagnosisError, Options};
 use whorl_math::three_digits;
 use whorl_params::{ModelStep, Value};
 

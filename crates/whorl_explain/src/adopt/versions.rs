@@ -3,9 +3,9 @@
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
 
-use whorl_diagnosis::{DiagnosisError, Fit, FittedParameter, Fitter, Options};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::find;
+use whorl_identification::{DiagnosisError, Fit, FittedParameter, Fitter, Options};
 
 use crate::compare::{ComparedRun, compare, compare_fitted, prediction_error};
 use crate::{Case, ExplainError, ProgressCallback, part};

@@ -1,7 +1,7 @@
 //! Comparison of before and after in words.
 
-use whorl_diagnosis::Tie;
 use whorl_dynamics::effects::find;
+use whorl_identification::Tie;
 use whorl_math::three_digits;
 use whorl_validation::comparison::ahead;
 

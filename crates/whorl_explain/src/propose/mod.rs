@@ -8,8 +8,8 @@ mod tests;
 mod words;
 
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
-use whorl_diagnosis::{Diagnosis, ExpectedInformation, Options, Verdict, expected_information, fit};
 use whorl_dynamics::PlatformModel;
+use whorl_identification::{Diagnosis, ExpectedInformation, Options, Verdict, expected_information, fit};
 use whorl_recording::{Mounting, Recording};
 
 pub use demand::ManoeuvreDemand;

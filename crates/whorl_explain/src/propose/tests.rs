@@ -1,6 +1,6 @@
 use std::path::{Path, PathBuf};
 
-use whorl_diagnosis::{ExpectedInformation, Verdict};
+use whorl_identification::{ExpectedInformation, Verdict};
 use whorl_recording::Recording;
 
 use super::{Envelope, Judged, Manoeuvre, ManoeuvreDemand, Proposal, Step, family};

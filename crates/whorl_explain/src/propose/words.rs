@@ -1,7 +1,7 @@
 //! A proposal in words.
 
-use whorl_diagnosis::Verdict;
 use whorl_dynamics::effects::find;
+use whorl_identification::Verdict;
 
 use super::{Judged, Proposal};
 

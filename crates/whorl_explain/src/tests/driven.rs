@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Vector3};
-use whorl_diagnosis::{Fit, Options};
 use whorl_dynamics::{MassProperties, ModelPrior, PlatformModel};
+use whorl_identification::{Fit, Options};
 use whorl_recording::{Recording, Series};
 
 use super::generator::{Manoeuvre, platform, record, turning};

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use whorl_diagnosis::Options;
 use whorl_dynamics::{MassProperties, ModelPrior};
+use whorl_identification::Options;
 
 use super::generator::{Manoeuvre, platform, record, turning};
 use crate::{Case, locate};

@@ -6,9 +6,9 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix3, Unit, Vector3};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
-use whorl_diagnosis::Options;
 use whorl_dynamics::platform::{TiltLimit, Wheel};
 use whorl_dynamics::{Freedom, MassProperties, ModelPrior, PlatformModel};
+use whorl_identification::Options;
 use whorl_recording::Recording;
 
 use crate::Case;

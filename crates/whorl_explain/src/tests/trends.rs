@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use whorl_diagnosis::Options;
 use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_identification::Options;
 
 use super::generator::{Manoeuvre, platform, record, turning};
 use crate::trends::{DatedRun, trends};

@@ -7,7 +7,7 @@ use whorl_recording::Recording;
 
 use super::findings;
 use super::parameters::{Free, Kind, Parameters};
-use super::{Determined, FittedParameter, Identification};
+use super::{Determined, Identification, IdentifiedParameter};
 use crate::finding::Finding;
 use crate::mass_parameters::{MASS_PARAMETERS, MassCovariance, MassVector, inertia_b_kg_m2};
 use crate::realisability::smallest_density_moment_kg_m2;
@@ -36,11 +36,11 @@ pub(super) fn conclude(fit: &Fit<'_>) -> Identification {
     let (singular_values, combinations) = informed(&covariance, &prior_stddev);
     let (found, estimate) = (parameters.mass_at(at), parameters.body_at(at));
     let moved = smallest_density_moment_kg_m2(&inertia_b_kg_m2(&found)) < 0.0;
-    let beside = |kinds: &[Kind]| -> Vec<FittedParameter> {
+    let beside = |kinds: &[Kind]| -> Vec<IdentifiedParameter> {
         let all = free.iter().enumerate().filter(|(_, free)| kinds.contains(&free.kind));
         let described = |(n, free): (usize, &Free)| {
             let (effect, spec) = free.of.as_ref()?;
-            Some(FittedParameter {
+            Some(IdentifiedParameter {
                 effect: effect.info().id,
                 name: spec.name.clone(),
                 unit: spec.unit,

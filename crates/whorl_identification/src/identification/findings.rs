@@ -2,7 +2,7 @@
 
 use whorl_validation::Comparison;
 
-use super::{Determined, FittedParameter};
+use super::{Determined, IdentifiedParameter};
 use crate::finding::Finding;
 use crate::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES};
 
@@ -47,7 +47,7 @@ pub(super) fn of_errors((before, after): (Option<f64>, Option<f64>)) -> Option<F
 }
 
 /// Of parameters that stay at an end of their range.
-pub(super) fn of_ends<'a>(parameters: impl Iterator<Item = &'a FittedParameter>) -> Option<Finding> {
+pub(super) fn of_ends<'a>(parameters: impl Iterator<Item = &'a IdentifiedParameter>) -> Option<Finding> {
     let at_ends: Vec<String> =
         parameters.filter(|p| p.at_bound).map(|p| format!("{} {}", p.effect, p.name)).collect();
     (!at_ends.is_empty())

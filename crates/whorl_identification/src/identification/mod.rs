@@ -57,7 +57,7 @@ impl Determined {
 
 /// A parameter that was fitted beside the mass properties.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FittedParameter {
+pub struct IdentifiedParameter {
     /// Id of the effect; of a constant of an actuator, of the effect that corrects it.
     pub effect: &'static str,
     /// Name of the parameter.
@@ -98,9 +98,9 @@ pub struct Identification {
     /// standard deviations.
     pub combinations: MassCovariance,
     /// Parameters of effects: those of the model, and those that every fit includes.
-    pub effects: Vec<FittedParameter>,
+    pub effects: Vec<IdentifiedParameter>,
     /// Constants of the actuators, as corrections of the model's.
-    pub actuators: Vec<FittedParameter>,
+    pub actuators: Vec<IdentifiedParameter>,
     /// Prediction error with the given model, the same as `whorl compare` prints, away from the bearing's stop; 1 = as good as the model says. `None` if no
     /// run is long enough.
     pub error_before: Option<f64>,

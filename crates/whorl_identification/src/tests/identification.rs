@@ -9,7 +9,9 @@ use super::simulation::{at_balance, record, swinging, wrong_model};
 use whorl_trajectory::Refusal;
 
 use crate::mass_parameters::{MASS_PARAMETERS, NAMES, mass_vector};
-use crate::{DataError, Determined, Identification, Settings, identify};
+use whorl_prediction::Settings;
+
+use crate::{DataError, Determined, Identification, identify};
 
 fn run_of(truth: &PlatformModel, seed: u64) -> Recording {
     record(truth, at_balance(truth), 100.0, seed, &swinging)

@@ -1,4 +1,5 @@
 mod calibration;
+mod diagnoses;
 mod identification;
 mod sequential;
 mod simulation;

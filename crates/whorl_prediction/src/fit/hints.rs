@@ -9,9 +9,10 @@ use crate::error::PredictionError;
 use crate::laws::Laws;
 use crate::levels::Followed;
 use crate::parameter::Parameter;
+use crate::passes::Pass;
 use crate::settings::Settings;
 
-/// What recordings say of parameters and of laws that no model has, about a model that was fitted to them: log p of a small change x
+/// What a recording says of parameters and of laws that no model has, about a model that was fitted: log p of a small change x
 /// is `slope . x - x . information x / 2` more. Parameters first, in their units, then the sizes of the laws.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hints {
@@ -19,9 +20,11 @@ pub struct Hints {
     pub information: DMatrix<f64>,
     /// d log p / dx of the recordings alone.
     pub slope: DVector<f64>,
+    /// log p of the recording there.
+    pub log_likelihood: f64,
 }
 
-/// Looks for laws beside a model with these values; `laws` of each recording, which are as many.
+/// Normal equations of each recording about a model with these values; `laws` of each recording, which are as many.
 ///
 /// # Errors
 /// As [`super::fit`].
@@ -33,14 +36,13 @@ pub fn hints(
     followed: &[Followed],
     laws: &[Laws<'_>],
     settings: &Settings,
-) -> Result<Hints, PredictionError> {
+) -> Result<Vec<Hints>, PredictionError> {
     let problem = Problem { recordings, parameters, model_at, settings };
     let found = problem.passes_with(at, &runs_of(followed), &problem.varied(at)?, laws)?;
-    let size = parameters.len() + laws.first().map_or(0, Laws::count);
-    let mut hints = Hints { information: DMatrix::zeros(size, size), slope: DVector::zeros(size) };
-    for pass in &found.0 {
-        hints.information += &pass.sums.information;
-        hints.slope += &pass.sums.slope;
-    }
-    Ok(hints)
+    let of_run = |pass: &Pass| Hints {
+        information: pass.sums.information.clone(),
+        slope: pass.sums.slope.clone(),
+        log_likelihood: pass.log_likelihood(),
+    };
+    Ok(found.0.iter().map(of_run).collect())
 }

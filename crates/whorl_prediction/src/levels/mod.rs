@@ -62,7 +62,7 @@ impl Followed {
 
     /// The same by the model without disturbances.
     #[must_use]
-    pub(crate) fn without_disturbance(&self) -> Self {
+    pub fn without_disturbance(&self) -> Self {
         Self {
             noise: self.undisturbed_noise(),
             fitted: self.undisturbed.clone(),
@@ -76,6 +76,15 @@ impl Followed {
     pub fn undisturbed_noise(&self) -> Noise {
         Noise { disturbance: Disturbance::NONE, ..self.noise.clone() }
     }
+}
+
+/// The same run with another disturbance, as a filter would begin: for passes that ask what more there is.
+#[must_use]
+pub fn followed_with(case: &Prepared<'_>, followed: &Followed, disturbance: Disturbance) -> Followed {
+    let noise = Noise { disturbance, ..followed.noise.clone() };
+    let start = followed.fitted.start.with_levels(case, &noise);
+    let fitted = FittedStart { covariance: start.covariance.clone(), start, ..followed.fitted.clone() };
+    Followed { noise, fitted, ..followed.clone() }
 }
 
 /// Follows a run with the levels that it shows, beginning with the stated ones.

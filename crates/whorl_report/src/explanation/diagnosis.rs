@@ -1,8 +1,8 @@
 //! The page of `whorl diagnose`.
 
 use maud::Markup;
-use whorl_diagnosis::{Candidate, Diagnosis, ParameterEstimate, Verdict};
 use whorl_explain::{Explanation, UnexplainedTorque};
+use whorl_identification::{Candidate, Diagnosis, ParameterEstimate, Verdict};
 use whorl_math::three_digits;
 use whorl_validation::UnexplainedTorques;
 

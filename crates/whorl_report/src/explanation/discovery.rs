@@ -1,6 +1,6 @@
 //! The page of a search for a law.
 
-use whorl_discovery::{Discovery, Drawn};
+use whorl_identification::{Discovery, Drawn};
 
 use super::{Facts, facts};
 use crate::document::{Document, number, text};
@@ -55,7 +55,7 @@ pub fn discovery_html(found: &Discovery, answer: &[String], about: &Facts) -> St
 }
 
 fn figure(drawn: &Drawn) -> Figure {
-    let curve = |name: &str, of: &dyn Fn(&whorl_discovery::DrawnPoint) -> Option<f64>| {
+    let curve = |name: &str, of: &dyn Fn(&whorl_identification::DrawnPoint) -> Option<f64>| {
         Curve::new(name, drawn.points.iter().filter_map(|p| Some((p.at, 1e3 * of(p)?))))
     };
     let band = |sign: f64| curve("", &move |p| Some(p.torque_n_m + sign * 2.0 * p.stddev_n_m));

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
-use whorl_diagnosis::{Diagnosis, ExpectedInformation, Options, Verdict, diagnose, expected_information};
+use whorl_identification::{
+    Diagnosis, ExpectedInformation, Options, Verdict, diagnose, expected_information,
+};
 use whorl_recording::Recording;
 
 use crate::cases::build::FollowUp;

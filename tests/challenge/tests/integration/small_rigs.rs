@@ -4,9 +4,9 @@
 use nalgebra::{Matrix3, Unit, Vector3};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
-use whorl_diagnosis::{Diagnosis, Options, Verdict, diagnose};
 use whorl_dynamics::platform::TiltLimit;
 use whorl_dynamics::{Freedom, MassProperties, ModelPrior, PlatformModel};
+use whorl_identification::{Diagnosis, Options, Verdict, diagnose};
 use whorl_recording::{Mounting, Recording, Series};
 
 const STEP_S: f64 = 0.01;

@@ -1,0 +1,115 @@
+//! Models refitted jointly with effects that were chosen.
+
+use std::borrow::Cow;
+use std::cell::OnceCell;
+
+use whorl_dynamics::effects::find;
+use whorl_dynamics::{Effect, ModelPrior, PlatformModel};
+use whorl_recording::Recording;
+
+use crate::fitting::refit::Fit;
+use crate::fitting::ties::leave_open;
+use crate::parameter_space::Reference;
+use crate::parameter_space::available::Available;
+use crate::selection::{Beside, Runs, Selection, Told};
+use crate::{DiagnosisError, Options, checked, delaying};
+
+/// Refits the platform's own parameters together with `effects` (ids of the catalogue, empty to refit the
+/// base only) to the recordings.
+///
+/// # Errors
+/// As [`crate::diagnose`]; also for an unknown effect.
+pub fn fit(
+    training: &[Recording],
+    model: &PlatformModel,
+    prior: &ModelPrior,
+    effects: &[&str],
+    options: &Options,
+) -> Result<Fit, DiagnosisError> {
+    Fitter::new(training, model, prior, options)?.fit(effects)
+}
+
+/// Recordings and a model, to be refitted with one set of effects after the other.
+pub struct Fitter<'a> {
+    training: Cow<'a, [Recording]>,
+    options: &'a Options,
+    reference: Reference,
+    available: Available,
+    /// The platform's own parameters alone.
+    base: OnceCell<Fit>,
+}
+
+impl<'a> Fitter<'a> {
+    /// Checks the recordings against the model.
+    ///
+    /// # Errors
+    /// As [`crate::diagnose`].
+    pub fn new(
+        training: &'a [Recording],
+        model: &PlatformModel,
+        prior: &ModelPrior,
+        options: &'a Options,
+    ) -> Result<Self, DiagnosisError> {
+        let available = Available::of(training, model);
+        let training = checked(training, model)?;
+        let given = Reference::new(model, prior, options.settings);
+        let delaying = delaying(&given, &available, &training, options)?;
+        let reference = Reference { model: delaying, ..given };
+        Ok(Self { training, options, reference, available, base: OnceCell::new() })
+    }
+
+    /// Refits the platform's own parameters together with `effects`, ids of the catalogue, by the likelihood of the readings
+    /// ([`whorl_prediction::fit`]), as a diagnosis does: from the first values that the samples propose. Every fit begins anew: the order of
+    /// calls does not matter.
+    ///
+    /// # Errors
+    /// As [`fit`].
+    pub fn fit(&self, effects: &[&str]) -> Result<Fit, DiagnosisError> {
+        let chosen = self.chosen(effects)?;
+        if let Some(base) = self.base.get().filter(|_| chosen.is_empty()) {
+            return Ok(base.clone());
+        }
+        let runs = self.runs();
+        let selection = Selection::begun(runs, self.options)?;
+        let base = selection.base();
+        if chosen.is_empty() {
+            let fit = base.fit(&self.reference)?;
+            return Ok(self.base.get_or_init(|| fit).clone());
+        }
+        let told = Told::of(&selection.observed, &selection.lines, self.available.sample_s);
+        let ids: Vec<&'static str> = chosen.iter().map(|effect| effect.info().id).collect();
+        let is_asked = |effect: &dyn Effect| ids.contains(&effect.info().id);
+        let beside = Beside::new(&runs, base, &told.clues(), is_asked)?;
+        let nothing =
+            || DiagnosisError::NoEffect { id: ids.first().map_or_else(String::new, |id| (*id).to_owned()) };
+        let hypothesis = beside.and_then(|beside| beside.with(&ids)).ok_or_else(nothing)?;
+        let found = runs.evaluate(hypothesis, &[base])?;
+        let mut fit = found.fit(&self.reference)?;
+        let refit = found.refit(&self.reference);
+        fit.ties = refit.ties(&self.training, &found.fitted, &chosen, self.options)?;
+        leave_open(&fit.ties, &mut fit.model, &mut fit.prior);
+        Ok(fit)
+    }
+
+    fn runs(&self) -> Runs<'_> {
+        Runs {
+            training: &self.training,
+            held_out: &[],
+            reference: &self.reference,
+            available: &self.available,
+            threads: self.options.threads,
+        }
+    }
+
+    /// Effects of these ids that the model does not have yet.
+    fn chosen(&self, effects: &[&str]) -> Result<Vec<&'static dyn Effect>, DiagnosisError> {
+        let mut chosen = Vec::new();
+        for id in effects {
+            let effect = find(id).ok_or_else(|| DiagnosisError::UnknownEffect { id: (*id).to_owned() })?;
+            if !self.reference.model.effects.contains_key(*id) {
+                chosen.push(effect);
+            }
+        }
+        Ok(chosen)
+    }
+}

@@ -1,0 +1,251 @@
+//! Sets of effects, fitted to every sample of the training runs and tried on the held-out ones.
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use whorl_dynamics::effects::Role;
+use whorl_prediction::{
+    Fitted, Followed, Noise, PredictionError, Prepared, Rival, Settings, follow, follow_again,
+};
+use whorl_recording::Recording;
+
+use crate::fitting::refit::{Entered, Fit, Refit};
+use crate::parameter_space::available::Available;
+use crate::parameter_space::{Column, Point, Reference};
+use crate::selection::prior::log_prior;
+use crate::{DiagnosisError, threads};
+
+/// Most updates of the noise levels in a fit. It bounds the work.
+const ROUNDS: usize = 3;
+
+/// A set of effects, and how each enters.
+#[derive(Debug, Clone)]
+pub(crate) struct Hypothesis {
+    /// In alphabetical order.
+    pub effects: Vec<&'static str>,
+    /// First values.
+    pub point: Point,
+    pub entered: BTreeMap<&'static str, Entered>,
+    /// Minus the logarithm of the prior probability of the ways and sizes in which they enter.
+    pub choices_nats: f64,
+}
+
+impl Hypothesis {
+    /// No effect.
+    pub fn none(reference: &Reference) -> Self {
+        Self { effects: Vec::new(), point: reference.point(), entered: BTreeMap::new(), choices_nats: 0.0 }
+    }
+}
+
+/// A hypothesis where it is likeliest.
+#[derive(Debug, Clone)]
+pub(crate) struct Evaluated {
+    pub hypothesis: Hypothesis,
+    pub fitted: Fitted,
+    /// What was fitted, and the standard deviation known before, in their units.
+    pub columns: Vec<Column>,
+    pub stddevs: Vec<f64>,
+    /// Held-out runs as the filter follows them with it; of a set that gains nothing those of no effect.
+    pub held_out: Vec<Followed>,
+    /// log p of the training runs, values integrated out, with the penalty of how the effects enter.
+    pub log_evidence: f64,
+    /// log p of the held-out runs with these values.
+    pub held_out_log: f64,
+    pub seconds: f64,
+}
+
+impl Evaluated {
+    pub fn names(&self) -> &[&'static str] {
+        &self.hypothesis.effects
+    }
+
+    pub fn refit<'a>(&self, reference: &'a Reference) -> Refit<'a> {
+        Refit { reference, columns: self.columns.clone(), stddevs: self.stddevs.clone() }
+    }
+
+    /// The model with the fitted values, and what these are worth.
+    pub fn fit(&self, reference: &Reference) -> Result<Fit, DiagnosisError> {
+        let mut fit = self.refit(reference).described(&self.fitted)?;
+        fit.followed.extend_from_slice(&self.held_out);
+        Ok(fit)
+    }
+
+    /// Log posterior, up to a constant that all sets share. Held-out runs, with values that were fitted to others, may count against a set
+    /// and not for it: what they would add scatters by as much as it is.
+    pub fn log_posterior(&self, base: &Self, reference: &Reference) -> f64 {
+        let held = (self.held_out_log - base.held_out_log).min(0.0);
+        self.log_evidence + held + log_prior(self.names(), &reference.settings)
+    }
+
+    /// Standard deviation of the slow random torque beside it, root mean square of all axes and runs [N m].
+    pub fn torque_n_m(&self) -> f64 {
+        let runs = &self.fitted.followed;
+        let squares = runs.iter().flat_map(|run| run.noise.disturbance.body_stddev_b_n_m()).map(|x| x * x);
+        (squares.sum::<f64>() / (3 * runs.len()).max(1) as f64).sqrt()
+    }
+
+    /// Whether one of its effects would have to be larger than any platform has it.
+    pub fn is_at_the_end_of_a_range(&self) -> bool {
+        let is_own = |(i, column): &(usize, &Column)| {
+            column.role == Role::Amplitude
+                && self.names().contains(&column.group)
+                && self.fitted.at_bound.get(*i).copied().unwrap_or(false)
+                && self.fitted.at[*i] != 0.0
+        };
+        self.columns.iter().enumerate().any(|column| is_own(&column))
+    }
+
+    /// Half the squared distance of its effects from none, in deviations: what they gain by themselves.
+    pub fn gain_of_effects(&self) -> f64 {
+        let own: Vec<usize> =
+            (0..self.columns.len()).filter(|i| self.names().contains(&self.columns[*i].group)).collect();
+        let at = nalgebra::DVector::from_iterator(own.len(), own.iter().map(|i| self.fitted.at[*i]));
+        let covariance =
+            nalgebra::DMatrix::from_fn(own.len(), own.len(), |a, b| self.fitted.covariance[(own[a], own[b])]);
+        covariance.cholesky().map_or(f64::INFINITY, |factor| 0.5 * at.dot(&factor.solve(&at)))
+    }
+}
+
+/// Recordings that sets are fitted to and tried on.
+#[derive(Clone, Copy)]
+pub(crate) struct Runs<'a> {
+    pub training: &'a [Recording],
+    pub held_out: &'a [Recording],
+    pub reference: &'a Reference,
+    pub available: &'a Available,
+    pub threads: usize,
+}
+
+impl Runs<'_> {
+    pub fn prediction(&self) -> Settings {
+        let settings = &self.reference.settings;
+        Settings {
+            threads: self.threads,
+            fit_stands_nats: settings.converged_nats,
+            fit_rounds: ROUNDS,
+            ..settings.prediction
+        }
+    }
+
+    /// Fits a hypothesis beside `others` that were fitted, of which the first is that of no effect: from its own first values, and from
+    /// theirs with and without its effects, so that it is never less likely than a set that it holds.
+    pub fn evaluate(
+        &self,
+        hypothesis: Hypothesis,
+        others: &[&Evaluated],
+    ) -> Result<Evaluated, DiagnosisError> {
+        let begun = Instant::now();
+        let reference = self.reference;
+        let mut refit = Refit::own(reference, self.available);
+        if let Some(base) = others.first() {
+            let deviations = base.fitted.covariance.diagonal().map(f64::sqrt);
+            let shown: Vec<bool> = deviations.iter().map(|d| *d < reference.settings.unshown).collect();
+            refit.keep(&shown);
+        }
+        for id in &hypothesis.effects {
+            if let Some(effect) = whorl_dynamics::effects::find(id) {
+                refit.add(effect, &hypothesis.point, hypothesis.entered.get(id));
+            }
+        }
+        let starts = starts(&refit, &hypothesis, others);
+        let rival = others.last().map_or(Rival::NONE, |from| Rival {
+            followed: &from.fitted.followed,
+            log_posterior_needed: from.fitted.log_posterior
+                - log_prior(&hypothesis.effects, &reference.settings)
+                + log_prior(from.names(), &reference.settings),
+        });
+        let fitted = refit.likeliest(self.training, &starts, rival, &self.prediction())?;
+        let held_out = match others.first() {
+            Some(base) if fitted.log_posterior <= base.fitted.log_posterior => base.held_out.clone(),
+            base => self.follow_held_out(&refit, &fitted.at, base.map_or(&[], |base| &base.held_out))?,
+        };
+        Ok(Evaluated {
+            log_evidence: fitted.log_evidence - hypothesis.choices_nats,
+            held_out_log: held_out.iter().map(Followed::log_likelihood).sum(),
+            hypothesis,
+            columns: refit.columns,
+            stddevs: refit.stddevs,
+            fitted,
+            held_out,
+            seconds: begun.elapsed().as_secs_f64(),
+        })
+    }
+
+    /// A set fitted again with the noise levels of another one that holds it: neither may win by levels that the other was not offered.
+    pub fn with_levels_of(&self, set: &Evaluated, other: &Evaluated) -> Result<Evaluated, DiagnosisError> {
+        let begun = Instant::now();
+        let refit = set.refit(self.reference);
+        let rival = Rival { followed: &other.fitted.followed, log_posterior_needed: f64::NEG_INFINITY };
+        let fitted = refit.likeliest(
+            self.training,
+            std::slice::from_ref(&set.fitted.at),
+            rival,
+            &self.prediction(),
+        )?;
+        if fitted.log_evidence <= set.fitted.log_evidence {
+            return Ok(set.clone());
+        }
+        let held_out = self.follow_held_out(&refit, &fitted.at, &set.held_out)?;
+        Ok(Evaluated {
+            log_evidence: fitted.log_evidence - set.hypothesis.choices_nats,
+            held_out_log: held_out.iter().map(Followed::log_likelihood).sum(),
+            fitted,
+            held_out,
+            seconds: set.seconds + begun.elapsed().as_secs_f64(),
+            ..set.clone()
+        })
+    }
+
+    /// Held-out recordings with values that were fitted to the training ones; `before`: with another model close by, or none.
+    fn follow_held_out(
+        &self,
+        refit: &Refit<'_>,
+        units: &[f64],
+        before: &[Followed],
+    ) -> Result<Vec<Followed>, DiagnosisError> {
+        let model = refit.model_at(units).ok_or(PredictionError::NoModel)?;
+        let runs: Vec<usize> = (0..self.held_out.len()).collect();
+        let tried = |run: &usize| -> Result<Followed, DiagnosisError> {
+            let case = Prepared::new(&self.held_out[*run], &model, self.reference.settings.prediction)?;
+            let stated = Noise::stated(&case)?;
+            Ok(match before.get(*run) {
+                Some(before) => follow_again(&case, &stated, before),
+                None => follow(&case, &stated),
+            })
+        };
+        threads::map(self.threads, &runs, tried).into_iter().collect()
+    }
+}
+
+/// Where a fit begins.
+fn starts(refit: &Refit<'_>, hypothesis: &Hypothesis, others: &[&Evaluated]) -> Vec<Vec<f64>> {
+    let found = refit.units_of(&hypothesis.point);
+    let mut starts = vec![found.clone()];
+    for other in others {
+        let mut with = found.clone();
+        for (units, column) in with.iter_mut().zip(&refit.columns) {
+            if let Some(k) = other.columns.iter().position(|own| own.is(column)) {
+                *units = other.fitted.at[k];
+            }
+        }
+        let mut without = with.clone();
+        for (units, column) in without.iter_mut().zip(&refit.columns) {
+            let is_new = hypothesis.effects.contains(&column.group) && !other.names().contains(&column.group);
+            if is_new && column.role == Role::Amplitude {
+                *units = 0.0;
+            }
+        }
+        starts.extend([with, without]);
+    }
+    starts.dedup();
+    // With states of its own no levels of another set fit, and each start would have to find its own.
+    let has_states = |id: &&'static str| {
+        whorl_dynamics::effects::find(id)
+            .is_some_and(|effect| effect.hidden_states(&refit.reference.model) > 0)
+    };
+    if hypothesis.effects.iter().any(has_states) {
+        starts.truncate(2);
+        starts.drain(..starts.len().saturating_sub(1));
+    }
+    starts
+}

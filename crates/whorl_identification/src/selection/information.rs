@@ -1,0 +1,280 @@
+//! Expected information of further data: the basis of choosing the next manoeuvre.
+//!
+//! T-optimality (Atkinson and Fedorov, Biometrika 62, 1975): data are worth as much as the log odds that they
+//! are expected to bring between the explanations that are left. About a fit the samples are a linear regression, in which that
+//! expectation needs no noise drawn: if explanation A is true, further data with the normal matrix N have the
+//! expected right-hand side N theta_A, and every explanation is fitted again to it together with the data at hand.
+
+use nalgebra::DVector;
+use whorl_dynamics::effects::find;
+use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_math::statistics::normal_probability;
+use whorl_prediction::{Followed, Hints, Noise, Prepared, follow};
+use whorl_recording::Recording;
+
+use crate::fitting::normal_equations::{Estimate, Normal};
+use crate::parameter_space::Reference;
+use crate::parameter_space::available::Available;
+use crate::selection::prior::{SIZES, log_prior, size_penalty_nats};
+use crate::selection::{Beside, Evaluated, Runs, Selection, is_excluded};
+use crate::{DiagnosisError, Options, checked, threads};
+
+/// Information in data on which explanation is true: as it is, or as it is expected to be.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ExpectedInformation {
+    /// Log odds between the leading explanation and the next. With the data at hand: the present ones. With further data: the
+    /// expected lead of the true explanation, averaged over which one is true. A diagnosis names one alone from about 3 (20
+    /// to 1). `None` with fewer than two.
+    pub log_odds: Option<f64>,
+    /// Probability that a diagnosis would tell the true explanation from all others, averaged over which one is true.
+    /// `None` with fewer than two.
+    pub told_apart: Option<f64>,
+    /// Effects that would show at their ordinary size (one standard deviation of the catalogue's prior).
+    pub shown: Vec<String>,
+    /// Effects that were looked at and would not.
+    pub not_shown: Vec<String>,
+}
+
+/// Information in the data at hand, and that expected together with each further recording.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct InformationByRun {
+    /// With the data at hand.
+    pub now: ExpectedInformation,
+    /// With each further recording added, in their order.
+    pub with: Vec<ExpectedInformation>,
+}
+
+/// Information that each of the `further` recordings, real or simulated, is expected to add to `training`. Only their motion and
+/// inputs count, not their readings. `explanations` are sets of effects, ids of the catalogue; an
+/// empty set is the model without any.
+///
+/// # Errors
+/// As [`crate::diagnose`].
+pub fn expected_information(
+    training: &[Recording],
+    further: &[Recording],
+    model: &PlatformModel,
+    prior: &ModelPrior,
+    explanations: &[Vec<String>],
+    options: &Options,
+) -> Result<InformationByRun, DiagnosisError> {
+    for id in explanations.iter().flatten() {
+        find(id).ok_or_else(|| DiagnosisError::UnknownEffect { id: id.clone() })?;
+    }
+    let model = options.delaying.as_ref().unwrap_or(model);
+    // Actuators and sensors that only the further recordings have make more effects testable.
+    let available = Available::of(training, model).or(&Available::of(further, model));
+    let (training, further) = (checked(training, model)?, checked(further, model)?);
+    let reference = Reference::new(model, prior, options.settings);
+    let runs = Runs {
+        training: &training,
+        held_out: &[],
+        reference: &reference,
+        available: &available,
+        threads: options.threads,
+    };
+    let mut selection = Selection::begun(runs, options)?;
+    let leading = leading(&mut selection, explanations, options)?;
+    let told = crate::selection::Told::of(&selection.observed, &selection.lines, available.sample_s);
+    let is_asked = |effect: &dyn whorl_dynamics::Effect| !is_excluded(options, effect.info().id);
+    let nothing = || InformationByRun {
+        with: vec![ExpectedInformation::default(); further.len()],
+        ..InformationByRun::default()
+    };
+    let Some(beside) = Beside::new(&runs, &leading, &told.clues(), is_asked)? else { return Ok(nothing()) };
+    let at_hand = absolute(beside.by_run(), &beside);
+    let of_further = normals_of(&runs, &leading, &further, &beside)?;
+    let rivals: Vec<Rival<'_>> =
+        explanations.iter().filter_map(|set| Rival::of(&beside, set, &at_hand)).collect();
+    let most = rivals.iter().map(|rival| rival.weight).fold(f64::NEG_INFINITY, f64::max);
+    let weights: Vec<f64> = rivals.iter().map(|rival| (rival.weight - most).exp()).collect();
+    let none = Normal::zeros(at_hand.vector.len());
+    let mut now = expected_of(&beside, &at_hand, &none, &rivals, &weights);
+    let mut weights_now: Vec<f64> = rivals.iter().map(|rival| rival.weight).collect();
+    weights_now.sort_by(|a, b| b.total_cmp(a));
+    now.log_odds = match weights_now.as_slice() {
+        [first, second, ..] => Some(first - second),
+        _ => None,
+    };
+    let with = |added: &Normal| expected_of(&beside, &at_hand, added, &rivals, &weights);
+    Ok(InformationByRun { now, with: of_further.iter().map(with).collect() })
+}
+
+/// The leading explanation where it fits the data at hand; that of no effects where it cannot enter.
+fn leading(
+    selection: &mut Selection<'_>,
+    explanations: &[Vec<String>],
+    options: &Options,
+) -> Result<Evaluated, DiagnosisError> {
+    let base = selection.base().clone();
+    let ids: Vec<&'static str> =
+        explanations.first().into_iter().flatten().filter_map(|id| Some(find(id)?.info().id)).collect();
+    if ids.is_empty() {
+        return Ok(base);
+    }
+    let hypothesis = selection.beside(&base, options)?.and_then(|beside| beside.with(&ids));
+    let Some(hypothesis) = hypothesis else { return Ok(base) };
+    Ok(DiagnosisError::possible(selection.runs.evaluate(hypothesis, &[&base]))?.unwrap_or(base))
+}
+
+/// Normal equations in values and not in steps from the set.
+fn absolute(by_run: &[Hints], beside: &Beside<'_>) -> Normal {
+    let mut normal = Normal::about(by_run, &[], &[]);
+    let mut at = DVector::zeros(normal.vector.len());
+    for (value, fitted) in at.iter_mut().zip(&beside.set.fitted.at) {
+        *value = *fitted;
+    }
+    normal.vector += &normal.matrix * at;
+    normal
+}
+
+/// What each further recording says by its motion.
+fn normals_of(
+    runs: &Runs<'_>,
+    leading: &Evaluated,
+    further: &[Recording],
+    beside: &Beside<'_>,
+) -> Result<Vec<Normal>, DiagnosisError> {
+    let model = leading.refit(runs.reference).model_at(&leading.fitted.at);
+    let model = model.ok_or(whorl_prediction::PredictionError::NoModel)?;
+    let followed = |run: &Recording| -> Result<Followed, DiagnosisError> {
+        let case = Prepared::new(run, &model, runs.reference.settings.prediction)?;
+        Ok(follow(&case, &Noise::stated(&case)?))
+    };
+    let all: Result<Vec<Followed>, DiagnosisError> =
+        threads::map(runs.threads, further, followed).into_iter().collect();
+    let hints = beside.hints(runs, further, &all?)?;
+    Ok(hints.iter().map(|of| Normal::about(std::slice::from_ref(of), &[], &[])).collect())
+}
+
+/// An explanation fitted to data.
+struct Rival<'b> {
+    set: Vec<&'b str>,
+    estimate: Estimate,
+    /// Log posterior, up to a constant.
+    weight: f64,
+}
+
+impl<'b> Rival<'b> {
+    /// Each effect in the way, and of the size, that these data like best; `None` if one cannot enter.
+    fn of(beside: &Beside<'_>, set: &'b [String], data: &Normal) -> Option<Self> {
+        let settings = &beside.reference().settings;
+        // Effects of the leading explanation take no part but where they are in the set.
+        let is_own = |i: &usize| {
+            let group = beside.set.columns[*i].group;
+            !beside.set.names().contains(&group) || set.iter().any(|id| id == group)
+        };
+        let mut active: Vec<usize> = (0..beside.own()).filter(is_own).collect();
+        let mut sizes: Vec<(usize, f64)> = Vec::new();
+        let mut choices = 0.0;
+        let fit = |active: &[usize], sizes: &[(usize, f64)]| {
+            let variance = |i: usize| {
+                let size = sizes.iter().find(|(column, _)| *column == i);
+                size.map_or_else(|| beside.known(i), |(_, size)| beside.entering_variance(i, *size))
+            };
+            Estimate::new(data, active, variance)
+        };
+        let mut best = fit(&active, &sizes)?;
+        for id in set.iter().filter(|id| !beside.set.names().contains(&id.as_str())) {
+            let options = beside.options(id);
+            let ways = (options.len() as f64).ln();
+            let mut entered: Option<(f64, Entered)> = None;
+            for option in &options {
+                for size in SIZES {
+                    let mut with = active.clone();
+                    with.extend(option.iter().filter(|i| !active.contains(i)));
+                    let mut of_sizes = sizes.clone();
+                    of_sizes.extend(option.iter().map(|i| (*i, size)));
+                    let Some(estimate) = fit(&with, &of_sizes) else { continue };
+                    let penalty = ways + size_penalty_nats(size, settings);
+                    let worth = estimate.log_evidence - penalty;
+                    if entered.as_ref().is_none_or(|(most, _)| worth > *most) {
+                        entered = Some((worth, (with, of_sizes, estimate)));
+                    }
+                }
+            }
+            let (worth, with) = entered?;
+            choices += with.2.log_evidence - worth;
+            (active, sizes, best) = with;
+        }
+        let set: Vec<&str> = set.iter().map(String::as_str).collect();
+        let weight = best.log_evidence - choices + log_prior(&set, settings);
+        Some(Self { set, estimate: best, weight })
+    }
+}
+
+/// Columns that take part, the sizes of those that entered, and the fit.
+type Entered = (Vec<usize>, Vec<(usize, f64)>, Estimate);
+
+/// Lead in log posterior from which an explanation is sure.
+fn sure_lead(sure: f64) -> f64 {
+    (sure / (1.0 - sure)).ln()
+}
+
+/// Probability that an explanation with this expected lead over a rival, in log evidence and in misfit, becomes sure. Noise
+/// gives a lead in log evidence a variance of twice its mean, which is half the lead in the misfit. The expectation is
+/// linear in the effect's size, for a motion that the effect itself will change, and is taken to be right to half of its size.
+fn probability_of_telling(lead: (f64, f64), sure: f64) -> f64 {
+    let drop = lead.1.max(0.0);
+    normal_probability((lead.0 - sure_lead(sure)) / (1.0 + drop + (0.25 * drop).powi(2)).sqrt())
+}
+
+fn expected_of(
+    beside: &Beside<'_>,
+    data: &Normal,
+    added: &Normal,
+    rivals: &[Rival<'_>],
+    weights: &[f64],
+) -> ExpectedInformation {
+    let settings = &beside.reference().settings;
+    let columns = data.vector.len();
+    let (mut odds, mut told, mut sum) = (0.0, 0.0, 0.0);
+    for (truth, (rival, share)) in rivals.iter().zip(weights).enumerate() {
+        // What the added data are expected to hold if this one is true.
+        let mut expected = data.clone();
+        expected.matrix += &added.matrix;
+        expected.vector += &added.matrix * rival.estimate.spread(columns);
+        let sets: Vec<Vec<String>> =
+            rivals.iter().map(|r| r.set.iter().map(|id| (*id).to_owned()).collect()).collect();
+        let anew: Vec<Option<Rival<'_>>> = sets.iter().map(|set| Rival::of(beside, set, &expected)).collect();
+        let Some(own) = anew.get(truth).and_then(Option::as_ref) else { continue };
+        let leads: Vec<(f64, f64)> = anew
+            .iter()
+            .enumerate()
+            .filter(|(k, _)| *k != truth)
+            .filter_map(|(_, other)| other.as_ref())
+            .map(|other| (own.weight - other.weight, own.estimate.drop - other.estimate.drop))
+            .collect();
+        let Some(least) = leads.iter().map(|l| l.0).min_by(f64::total_cmp) else { continue };
+        odds += share * least;
+        told += share * leads.iter().map(|l| probability_of_telling(*l, settings.sure)).fold(1.0, f64::min);
+        sum += share;
+    }
+    let mean = |of: f64| (sum > 0.0).then(|| of / sum);
+    let (log_odds, told_apart) = (mean(odds), mean(told));
+    let mut both = data.clone();
+    both.matrix += &added.matrix;
+    let (mut shown, mut not_shown) = (Vec::new(), Vec::new());
+    let is_other = |id: &&str| find(id).is_some_and(|effect| !effect.is_base());
+    for id in beside.effects().filter(is_other) {
+        let largest = beside.detectability_in(&both, id);
+        let list = if largest > settings.clear_misfit { &mut shown } else { &mut not_shown };
+        list.push(id.to_owned());
+    }
+    ExpectedInformation { log_odds, told_apart, shown, not_shown }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::probability_of_telling;
+
+    #[test]
+    fn what_becomes_just_sure_is_told_in_half_of_the_cases() {
+        let sure = super::sure_lead(0.95);
+        assert!((sure - 2.944).abs() < 1e-3);
+        assert!((probability_of_telling((sure, 2.0 * sure), 0.95) - 0.5).abs() < 1e-6);
+        assert!(probability_of_telling((0.0, 0.0), 0.95) < 0.01);
+        let far = [6.0, 12.0, 400.0].map(|lead| probability_of_telling((lead, 2.0 * lead), 0.95));
+        assert!(far[0] > 0.6 && far[0] < far[1] && far[1] < far[2] && far[2] > 0.95, "{far:?}");
+    }
+}

@@ -1,0 +1,226 @@
+//! Which sets of effects are worth a fit, and what each is worth: best first, by what the samples predict beside the most probable set.
+
+pub(crate) mod beside;
+mod hidden;
+pub(crate) mod hypothesis;
+pub(crate) mod information;
+pub(crate) mod prior;
+pub(crate) mod unlisted;
+
+use whorl_dynamics::Effect;
+use whorl_dynamics::effects::{Clues, Resonance};
+
+use crate::signals::lines::Lines;
+use crate::signals::seen::Seen;
+use crate::signals::{Observed, observed};
+use crate::{DiagnosisError, Options, Progress};
+
+pub(crate) use beside::Beside;
+pub(crate) use hypothesis::{Evaluated, Hypothesis, Runs};
+use prior::{log_prior, smaller_sets};
+
+/// Sets that are fitted at most, that of no effects included.
+const MOST_FITS: usize = 18;
+/// Sets that are fitted of those proposed beside one, and beside that of no effects.
+const MOST_ASKED: usize = 4;
+const MOST_ASKED_FIRST: usize = 6;
+
+/// Sets of effects that were fitted, and what the runs are without any.
+pub(crate) struct Selection<'a> {
+    pub runs: Runs<'a>,
+    /// The first is that of no effects.
+    pub evaluated: Vec<Evaluated>,
+    /// The runs as the set of no effects leaves them,
+    pub observed: Vec<Observed<'a>>,
+    /// with the fast effects that they show,
+    pub seen: Seen,
+    /// and other periodicities.
+    pub lines: Lines,
+}
+
+/// What effects are told of data to find where they may start.
+pub(crate) struct Told {
+    lines_hz: Vec<f64>,
+    resonances: Vec<Resonance>,
+    largest_rate_rad_s: f64,
+    largest_tilt_rad: f64,
+    sample_s: f64,
+}
+
+impl Told {
+    pub fn of(observed: &[Observed<'_>], lines: &Lines, sample_s: f64) -> Self {
+        let free = || observed.iter().filter(|run| !run.clamped).map(|run| &run.motion);
+        let rates = free().flat_map(|motion| &motion.omega).map(nalgebra::Vector3::amax);
+        let tilts = free().flat_map(|motion| &motion.q).map(whorl_math::tilt_rad);
+        let resonance = |mode: &crate::signals::modes::Mode| Resonance {
+            hz: mode.hz,
+            damping_ratio: mode.damping_ratio,
+            axis_b: mode.axis_b,
+        };
+        Self {
+            lines_hz: lines.hz.clone(),
+            resonances: lines.modes.iter().map(resonance).collect(),
+            largest_rate_rad_s: rates.fold(0.0, f64::max),
+            largest_tilt_rad: tilts.fold(0.0, f64::max),
+            sample_s,
+        }
+    }
+
+    pub fn clues(&self) -> Clues<'_> {
+        Clues {
+            bin_s: self.sample_s,
+            largest_rate_rad_s: self.largest_rate_rad_s,
+            largest_tilt_rad: self.largest_tilt_rad,
+            torque_lines_hz: &self.lines_hz,
+            sensor_lines_hz: &self.lines_hz,
+            resonances: &self.resonances,
+        }
+    }
+}
+
+impl<'a> Selection<'a> {
+    /// Fits the platform's own parameters, then sets of effects that the samples propose, until nothing more probable is in sight.
+    pub fn new(
+        runs: Runs<'a>,
+        options: &Options,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Self, DiagnosisError> {
+        progress(Progress { share: 0.05, doing: "fitting the platform's own parameters to every sample" });
+        let mut selection = Self::begun(runs, options)?;
+        let mut expanded: Vec<Vec<&'static str>> = Vec::new();
+        while let Some(most) = selection.most_probable().cloned() {
+            let is_done = expanded.iter().any(|names| names == most.names());
+            if is_done || most.names().len() >= options.largest_set || selection.evaluated.len() >= MOST_FITS
+            {
+                break;
+            }
+            expanded.push(most.names().to_vec());
+            progress(selection.progress("comparing every sample with every effect"));
+            let proposals = {
+                let Some(beside) = selection.beside(&most, options)? else { break };
+                beside.proposals(most.names().is_empty() && options.largest_set > 1)
+            };
+            let asked = if most.names().is_empty() { MOST_ASKED_FIRST } else { MOST_ASKED };
+            let is_new = |p: &beside::Proposal, all: &[Evaluated]| {
+                all.iter().all(|e| e.names() != p.hypothesis.effects)
+            };
+            for proposal in proposals.into_iter().take(asked) {
+                if selection.evaluated.len() >= MOST_FITS || !is_new(&proposal, &selection.evaluated) {
+                    continue;
+                }
+                progress(selection.progress("fitting what may be missing"));
+                selection.evaluate(proposal.hypothesis, &most)?;
+            }
+        }
+        Ok(selection)
+    }
+
+    /// The set of no effects alone, and what the runs are with it.
+    pub fn begun(runs: Runs<'a>, options: &Options) -> Result<Self, DiagnosisError> {
+        let base = runs.evaluate(Hypothesis::none(runs.reference), &[])?;
+        let observed = observed(&runs, &base)?;
+        let model = base.refit(runs.reference).model_at(&base.fitted.at);
+        let model = model.as_ref().unwrap_or(&runs.reference.model);
+        let settings = &runs.reference.settings;
+        let is_tested = |effect: &dyn Effect| is_tested(&runs, options, effect);
+        let seen = Seen::of(&observed, model, settings, is_tested);
+        let lines = Lines::of(&observed, model, &seen.turning, settings);
+        Ok(Self { runs, evaluated: vec![base], observed, seen, lines })
+    }
+
+    fn progress(&self, doing: &'static str) -> Progress {
+        let share = (self.evaluated.len() as f64 / MOST_FITS as f64).sqrt();
+        Progress { share: 0.1 + 0.75 * share, doing }
+    }
+
+    /// That of no effects.
+    pub fn base(&self) -> &Evaluated {
+        &self.evaluated[0]
+    }
+
+    /// Everything beside a set.
+    pub fn beside<'s>(
+        &'s self,
+        set: &'s Evaluated,
+        options: &Options,
+    ) -> Result<Option<Beside<'s>>, DiagnosisError> {
+        let told = Told::of(&self.observed, &self.lines, self.runs.available.sample_s);
+        let is_asked = |effect: &dyn Effect| !is_excluded(options, effect.info().id);
+        Beside::new(&self.runs, set, &told.clues(), is_asked)
+    }
+
+    /// Fits a set that was proposed beside another one, and where its noise levels and not its effects make it likelier, the other one
+    /// with these levels.
+    fn evaluate(&mut self, hypothesis: Hypothesis, beside: &Evaluated) -> Result<(), DiagnosisError> {
+        let base = self.base().clone();
+        let others: Vec<&Evaluated> =
+            if beside.names().is_empty() { vec![&base] } else { vec![&base, beside] };
+        let Some(found) = DiagnosisError::possible(self.runs.evaluate(hypothesis, &others))? else {
+            return Ok(());
+        };
+        let settings = &self.runs.reference.settings;
+        let gained = found.log_evidence - beside.log_evidence;
+        if gained > found.gain_of_effects() + settings.doubt_nats {
+            let again = self.runs.with_levels_of(beside, &found);
+            if let Some(again) = DiagnosisError::possible(again)?
+                && let Some(slot) = self.evaluated.iter_mut().find(|e| e.names() == beside.names())
+            {
+                *slot = again;
+            }
+        }
+        self.evaluated.push(found);
+        Ok(())
+    }
+
+    /// A set by its names.
+    pub fn set(&self, names: &[&str]) -> Option<&Evaluated> {
+        self.evaluated.iter().find(|set| set.names() == names)
+    }
+
+    pub fn log_posterior(&self, set: &Evaluated) -> f64 {
+        set.log_posterior(self.base(), self.runs.reference)
+    }
+
+    /// The most probable admissible set.
+    pub fn most_probable(&self) -> Option<&Evaluated> {
+        let admissible = self.evaluated.iter().filter(|set| self.is_admissible(set));
+        admissible.max_by(|a, b| self.log_posterior(a).total_cmp(&self.log_posterior(b)))
+    }
+
+    /// Whether a set explains training runs better than that of no effects and held-out ones not worse, and more than the shape errors of
+    /// each smaller set leave. What held-out data say of a faint effect scatters: a log likelihood ratio has a variance of twice its mean,
+    /// which is at most what the training data gained.
+    pub fn is_admissible(&self, set: &Evaluated) -> bool {
+        if set.names().is_empty() {
+            return true;
+        }
+        let base = self.base();
+        let own = set.log_evidence - base.log_evidence;
+        let held = set.held_out_log - base.held_out_log;
+        let has_held_out = !self.runs.held_out.is_empty();
+        if own <= 0.0 || (has_held_out && held < -(2.0 * own).sqrt()) || set.is_at_the_end_of_a_range() {
+            return false;
+        }
+        let share = self.runs.reference.settings.misspecification;
+        smaller_sets(set.names()).all(|names| {
+            self.set(&names).filter(|smaller| !smaller.names().is_empty()).is_none_or(|smaller| {
+                set.log_evidence - smaller.log_evidence > share * (smaller.log_evidence - base.log_evidence)
+            })
+        })
+    }
+
+    /// Log prior of a set.
+    pub fn log_prior(&self, set: &Evaluated) -> f64 {
+        log_prior(set.names(), &self.runs.reference.settings)
+    }
+}
+
+pub(crate) fn is_excluded(options: &Options, id: &str) -> bool {
+    options.exclude.iter().any(|excluded| excluded == id)
+}
+
+/// Whether an effect may be read off the samples: the model does not have it, and nobody leaves it out.
+fn is_tested(runs: &Runs<'_>, options: &Options, effect: &dyn Effect) -> bool {
+    let id = effect.info().id;
+    !is_excluded(options, id) && !runs.reference.model.effects.contains_key(id)
+}
