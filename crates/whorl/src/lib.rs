@@ -239,16 +239,11 @@ pub mod identification {
 }
 
 /// The filter by which everything is predicted and fitted: what is to come from the readings so far, the likelihood of a whole run.
-pub mod prediction {
-    pub use whorl_prediction::*;
-}
-
-/// What the data of a run say before anything is explained: checks, noise, smoothing, residual torque, spectra.
 ///
 /// ```
 /// use whorl::dynamics::PlatformModel;
 /// use whorl::recording::Recording;
-/// use whorl::trajectory::{Needs, check};
+/// use whorl::prediction::{Needs, check};
 ///
 /// // A recording without a gyro cannot say how the body turned, and the refusal says what would help.
 /// let needs = Needs { shortest_s: 10.0, free: true, accelerometer: false };
@@ -256,8 +251,8 @@ pub mod prediction {
 /// let refusal = check(&empty, &PlatformModel::whorl_1_reference(), &needs).unwrap_err();
 /// assert!(refusal.to_string().starts_with("run_1: there are no gyro data"));
 /// ```
-pub mod trajectory {
-    pub use whorl_trajectory::*;
+pub mod prediction {
+    pub use whorl_prediction::*;
 }
 
 /// How far the model is off, where it fails, which physical effect it lacks, which run would tell more, and what adopting

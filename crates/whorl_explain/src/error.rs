@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 use whorl_identification::DiagnosisError;
-use whorl_trajectory::Refusal;
+use whorl_prediction::Refusal;
 use whorl_validation::ValidationError;
 
 /// Why data cannot be explained, and what would help.

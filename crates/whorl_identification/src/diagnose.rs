@@ -3,8 +3,8 @@
 use std::borrow::Cow;
 
 use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_prediction::{Needs, check};
 use whorl_recording::Recording;
-use whorl_trajectory::{Needs, check};
 
 use crate::fitting::low_pass;
 use crate::parameter_space::Reference;

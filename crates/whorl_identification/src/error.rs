@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 use whorl_dynamics::{EffectError, GyrostatError};
-use whorl_trajectory::Refusal;
+use whorl_prediction::Refusal;
 
 /// Why recordings cannot be diagnosed, with advice.
 #[derive(Debug, Clone, PartialEq, Error)]

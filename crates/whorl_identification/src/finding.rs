@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 use whorl_prediction::PredictionError;
-use whorl_trajectory::Refusal;
+use whorl_prediction::Refusal;
 use whorl_validation::ValidationError;
 
 /// Why recordings cannot be used at all.

@@ -63,7 +63,7 @@ impl AheadError {
 impl Ahead {
     /// Over this time \[s\].
     pub fn new(horizon_s: f64, is_shown: bool) -> Self {
-        let horizon_ns = whorl_trajectory::commands::ns(horizon_s).max(1);
+        let horizon_ns = crate::inputs::commands::ns(horizon_s).max(1);
         Self { horizon_ns, is_shown, stretch: None }
     }
 

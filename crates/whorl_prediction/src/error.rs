@@ -1,8 +1,8 @@
 //! Why a recording cannot be predicted.
 
+use crate::refusal::Refusal;
 use thiserror::Error;
 use whorl_dynamics::{GyrostatError, PlantError};
-use whorl_trajectory::Refusal;
 
 /// Why a recording cannot be predicted.
 #[derive(Debug, Clone, PartialEq, Error)]

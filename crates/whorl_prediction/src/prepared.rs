@@ -2,15 +2,16 @@
 
 use std::borrow::Cow;
 
+use crate::inputs::commands::{Commands, ns};
+use crate::inputs::driven_speeds::DrivenSpeeds;
+use crate::inputs::quiet;
+use crate::inputs::wheel_torque::{along_speeds, go_along_speeds};
+use crate::refusal::counts;
 use nalgebra::{Unit, Vector3};
 use whorl_dynamics::plant::{LinearisedPlant, MeanInputs, Tangent};
 use whorl_dynamics::platform::SensorSuite;
 use whorl_dynamics::{Gyrostat, InitialState, Plant, PlatformModel};
 use whorl_recording::{Component, Mounting, Recording};
-use whorl_trajectory::commands::{Commands, ns};
-use whorl_trajectory::driven_speeds::DrivenSpeeds;
-use whorl_trajectory::wheel_torque::{along_speeds, go_along_speeds};
-use whorl_trajectory::{counts, quiet};
 
 use crate::error::PredictionError;
 use crate::layout::Layout;
@@ -53,7 +54,7 @@ pub struct Prepared<'a> {
 }
 
 impl<'a> Prepared<'a> {
-    /// Of a recording whose channels fit the model ([`whorl_trajectory::check`]), effects of the model included.
+    /// Of a recording whose channels fit the model ([`crate::check`]), effects of the model included.
     ///
     /// # Errors
     /// See [`PredictionError`].

@@ -4,10 +4,10 @@
 //! no states for what is late, and stays causal: a command at time u follows from readings stamped at or before u, which
 //! show instants at or before u and have been taken in before.
 
+use crate::inputs::commands::ns;
 use nalgebra::Vector3;
 use whorl_dynamics::platform::SensorSuite;
 use whorl_recording::{Channel, ChannelSeries, Component, Recording};
-use whorl_trajectory::commands::ns;
 
 /// One sensor's readings.
 pub(crate) struct Track<'a> {

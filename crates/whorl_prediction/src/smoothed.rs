@@ -1,9 +1,9 @@
 //! The motion of a whole run, and what pushed the platform beside its model, from all readings before and behind.
 
+use crate::inputs::commands::ns;
 use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion, Vector3};
 use whorl_dynamics::plant::{RATE, ROTATION};
 use whorl_math::quaternion_exp;
-use whorl_trajectory::commands::ns;
 
 use crate::columns::Columns;
 use crate::filter::Filter;

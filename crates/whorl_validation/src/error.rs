@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 use whorl_prediction::PredictionError;
-use whorl_trajectory::Refusal;
+use whorl_prediction::Refusal;
 
 use crate::dependence::DependenceError;
 

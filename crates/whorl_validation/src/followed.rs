@@ -2,8 +2,8 @@
 
 use whorl_dynamics::PlatformModel;
 use whorl_prediction::{Followed, Noise, Prepared, Settings, follow_as};
+use whorl_prediction::{Needs, check};
 use whorl_recording::Recording;
-use whorl_trajectory::{Needs, check};
 
 use crate::error::ValidationError;
 

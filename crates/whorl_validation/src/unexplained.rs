@@ -2,9 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 use whorl_dynamics::PlatformModel;
+use whorl_math::noise::typical_step_s;
 use whorl_prediction::{Disturbance, Followed, SmoothedState, smoothed};
 use whorl_recording::Recording;
-use whorl_trajectory::noise::typical_step_s;
 
 use crate::error::ValidationError;
 use crate::followed::followed;

@@ -3,9 +3,9 @@
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
 use whorl_math::GRAVITY_M_S2;
+use whorl_math::noise::from_second_differences;
 use whorl_math::statistics::median;
 use whorl_recording::{Recording, Series, usual_rate_hz};
-use whorl_trajectory::noise::from_second_differences;
 
 /// Length of a stretch that rests or moves \[s\].
 const STRETCH_S: f64 = 1.0;

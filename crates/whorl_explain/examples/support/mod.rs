@@ -1,6 +1,6 @@
 //! Runs for every example: those named as arguments, else a simulated one.
 
-#[path = "../../../whorl_trajectory/src/tests/generator.rs"]
+#[path = "../../../whorl_prediction/src/tests/generator.rs"]
 #[allow(dead_code, reason = "each example uses a part of it")]
 #[allow(clippy::unwrap_used, reason = "simulates a platform that is known to be valid")]
 mod generator;

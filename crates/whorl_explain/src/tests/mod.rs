@@ -2,7 +2,7 @@
 
 mod agreement;
 mod driven;
-#[path = "../../../whorl_trajectory/src/tests/generator.rs"]
+#[path = "../../../whorl_prediction/src/tests/generator.rs"]
 mod generator;
 mod history;
 mod located;

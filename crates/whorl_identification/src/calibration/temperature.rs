@@ -1,7 +1,7 @@
 //! Bias against temperature.
 
+use whorl_math::line::Line;
 use whorl_recording::Recording;
-use whorl_trajectory::line::Line;
 
 use super::SensorCalibration;
 use super::still::Still;

@@ -19,8 +19,8 @@ mod wheels;
 
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_prediction::{Followed, Settings, fit};
+use whorl_prediction::{Needs, Refusal, check};
 use whorl_recording::Recording;
-use whorl_trajectory::{Needs, Refusal, check};
 use whorl_validation::{Comparison, ValidationError, compare, prediction_error};
 
 use crate::finding::{DataError, Finding};

@@ -2,9 +2,9 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
+use whorl_math::noise::second_differences;
 use whorl_math::statistics::median;
 use whorl_recording::{Recording, Series};
-use whorl_trajectory::noise::second_differences;
 
 use crate::finding::Finding;
 

@@ -5,8 +5,8 @@ use std::f64::consts::PI;
 use nalgebra::Vector3;
 use whorl_dynamics::effects::Need;
 use whorl_dynamics::{Effect, PlatformModel};
+use whorl_math::noise::typical_step_s;
 use whorl_recording::Recording;
-use whorl_trajectory::noise::typical_step_s;
 
 use crate::signals::clamped::is_clamped;
 use crate::signals::digits::digits_of_gyro;

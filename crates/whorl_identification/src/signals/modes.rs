@@ -8,9 +8,9 @@
 
 use nalgebra::{Complex, Matrix3, SymmetricEigen, Vector3};
 use whorl_dynamics::PlatformModel;
+use whorl_math::noise::typical_step_s;
+use whorl_math::spectrum::Fourier;
 use whorl_math::statistics::median;
-use whorl_trajectory::noise::typical_step_s;
-use whorl_trajectory::spectrum::Fourier;
 
 use crate::Settings;
 use crate::signals::observed::Observed;

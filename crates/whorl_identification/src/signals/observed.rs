@@ -2,9 +2,9 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::PlatformModel;
+use whorl_math::noise::typical_step_s;
 use whorl_prediction::{Followed, Innovation, Noise, Prepared, Start, Told, predict, smoothed};
 use whorl_recording::{Channel, Recording};
-use whorl_trajectory::noise::typical_step_s;
 
 use crate::parameter_space::available::sample_s;
 use crate::selection::hypothesis::{Evaluated, Runs};

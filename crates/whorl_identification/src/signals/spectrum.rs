@@ -1,7 +1,7 @@
 //! Power spectra, and the peaks that stand out of them.
 
+use whorl_math::spectrum::Fourier;
 use whorl_math::statistics::median;
-use whorl_trajectory::spectrum::Fourier;
 
 /// Standard deviations from which on a peak is a line at all.
 const NOTICED: f64 = 3.5;

@@ -6,7 +6,7 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_recording::Recording;
 
 use super::simulation::{at_balance, record, swinging, wrong_model};
-use whorl_trajectory::Refusal;
+use whorl_prediction::Refusal;
 
 use crate::mass_parameters::{MASS_PARAMETERS, NAMES, mass_vector};
 use whorl_prediction::Settings;

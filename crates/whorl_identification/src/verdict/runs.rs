@@ -156,7 +156,7 @@ fn power_of_attitude(case: &Prepared<'_>, followed: &Followed, stated: &Noise) -
 
 /// Noise of one component by second differences of neighbouring samples; 0 where there are too few.
 fn scatter(case: &Prepared<'_>, component: Component) -> f64 {
-    use whorl_trajectory::noise::from_second_differences;
+    use whorl_math::noise::from_second_differences;
     let recording = case.recording();
     let index = component.index();
     match component.channel {

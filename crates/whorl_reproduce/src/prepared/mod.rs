@@ -11,8 +11,8 @@ use whorl_dynamics::{Environment, Gyrostat, PlatformModel};
 use whorl_identification::sequential::{AveragedSample, CONTACT_LASTS_S, Direction, Surroundings, touches};
 use whorl_identification::usable_readings;
 use whorl_math::unit_or;
+use whorl_prediction::{Needs, Refusal, check};
 use whorl_recording::{OnInterval, Recording, Series};
-use whorl_trajectory::{Needs, Refusal, check};
 
 use self::wheels::WheelHistory;
 

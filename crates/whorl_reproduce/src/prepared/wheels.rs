@@ -7,8 +7,8 @@
 use std::ops::Range;
 
 use whorl_dynamics::PlatformModel;
+use whorl_math::line::{Line, window};
 use whorl_recording::{Recording, Series};
-use whorl_trajectory::line::{Line, window};
 
 /// Half of the window with known motor torques \[s\].
 const LONG_HALF_S: f64 = 0.5;

@@ -1,7 +1,7 @@
 //! A periodic torque: a line in the spectrum.
 
 use serde::Serialize;
-use whorl_trajectory::spectrum::Fourier;
+use whorl_math::spectrum::Fourier;
 
 use super::{Frame, Residual};
 

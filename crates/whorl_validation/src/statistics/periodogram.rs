@@ -1,7 +1,7 @@
 //! Bartlett's cumulative periodogram.
 
 use serde::Serialize;
-use whorl_trajectory::spectrum::Fourier;
+use whorl_math::spectrum::Fourier;
 
 /// Longest stretch for one transform.
 const LONGEST: usize = 4096;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::generator::{Manoeuvre, platform, record};
 use crate::{Comparison, ValidationError, compare};
-use whorl_trajectory::Refusal;
+use whorl_prediction::Refusal;
 
 #[test]
 fn the_right_model_leaves_noise() {

@@ -1,7 +1,7 @@
 //! On simulated recordings.
 
 mod comparisons;
-#[path = "../../../whorl_trajectory/src/tests/generator.rs"]
+#[path = "../../../whorl_prediction/src/tests/generator.rs"]
 mod generator;
 mod localisation;
 mod memory;

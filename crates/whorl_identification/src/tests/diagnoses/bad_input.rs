@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::{MassProperties, ModelPrior, PlatformModel};
+use whorl_prediction::Refusal;
 use whorl_recording::{Recording, Series};
-use whorl_trajectory::Refusal;
 
 use super::generator::record;
 use crate::{DiagnosisError, Options, diagnose};

@@ -15,7 +15,7 @@
 use nalgebra::{Matrix2, Vector2};
 use whorl_recording::{Recording, Series};
 
-use crate::noise::typical_step_s;
+use whorl_math::noise::typical_step_s;
 
 /// lambda times the cube of the step: from hundreds of readings smoothed together to next to nothing, decades apart. The smoother's bandwidth
 /// goes with the fourth root.

@@ -1,6 +1,6 @@
 //! Noise estimated from the data.
 
-use whorl_math::statistics::median;
+use crate::statistics::median;
 
 /// Minimum number of values for an estimate of noise.
 const FEWEST: usize = 30;

@@ -5,8 +5,8 @@ use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::{Need, find};
 use whorl_recording::{Recording, Series};
 
-use crate::driven_speeds::DrivenSpeeds;
-use crate::line::local_line;
+use crate::inputs::driven_speeds::DrivenSpeeds;
+use whorl_math::line::local_line;
 
 /// Half of the stretch over which the slope of the body's rate is fitted \[s\]: short compared with the platform's motion.
 const HALF_S: f64 = 0.03;
@@ -80,7 +80,7 @@ mod tests {
     use whorl_recording::{Recording, Series};
 
     use super::from_speeds;
-    use crate::driven_speeds::DrivenSpeeds;
+    use crate::inputs::driven_speeds::DrivenSpeeds;
 
     /// A wheel that accelerates at 2 rad/s^2 on a body that accelerates at 0.1 rad/s^2 about its axis.
     #[test]

@@ -1,6 +1,5 @@
 //! The measured motion of the gimbals of control moment gyros, which models take as known.
 
-use whorl_dynamics::Environment;
 use whorl_recording::Recording;
 
 /// Mean motion of every gimbal over a stretch of time; empty without gimbals.
@@ -32,13 +31,6 @@ impl GimbalMotion {
             motion.acceleration_rad_s2.push(mean(r0, r1));
         }
         motion
-    }
-
-    /// Shows it to effects and to the model.
-    pub fn show<'a>(&'a self, environment: &mut Environment<'a>) {
-        environment.gimbal_angle_rad = &self.angle_rad;
-        environment.gimbal_rate_rad_s = &self.rate_rad_s;
-        environment.gimbal_acceleration_rad_s2 = &self.acceleration_rad_s2;
     }
 }
 

@@ -3,7 +3,7 @@
 use whorl_dynamics::PlatformModel;
 use whorl_recording::{Recording, Series};
 
-use crate::line::Line;
+use whorl_math::line::Line;
 
 /// The model without noise, with the supplies of this run: temperature, tank pressure and bus voltage as they were recorded.
 #[must_use]

@@ -7,9 +7,9 @@ use whorl_dynamics::plant::MeanInputs;
 use whorl_dynamics::{Gyrostat, Plant, PlatformModel};
 use whorl_recording::{Recording, Series};
 
-use crate::driven_speeds::DrivenSpeeds;
-use crate::gimbals::GimbalMotion;
-use crate::wheel_torque;
+use crate::inputs::driven_speeds::DrivenSpeeds;
+use crate::inputs::gimbals::GimbalMotion;
+use crate::inputs::wheel_torque;
 
 /// Commands of a run in order of time.
 #[derive(Debug, Clone, PartialEq)]
