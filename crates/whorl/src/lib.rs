@@ -218,7 +218,7 @@ pub mod bag {
     pub use whorl_bag::*;
 }
 
-/// What recordings say about a model: which physical effect it lacks, mass properties in batch and on line, sensor calibration, balancing.
+/// What recordings say about a model: which physical effect it lacks, mass properties, sensor calibration, balancing.
 ///
 /// ```no_run
 /// use std::path::Path;

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 use whorl_dynamics::PlatformModel;
-use whorl_identification::mass_parameters::{MASS_PARAMETERS, NAMES, UNITS, mass_vector};
+use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, NAMES, UNITS, mass_vector};
 use whorl_identification::{Determined, Finding, Identification, IdentifiedParameter};
 
 /// Everything that was identified, beside what the model had before.

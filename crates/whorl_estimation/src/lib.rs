@@ -1,4 +1,4 @@
-//! Attitude and gyro-bias estimation with consistency statistics.
+//! Attitude and gyro-bias estimation with consistency statistics, and mass properties while a platform moves ([`sequential`]).
 //!
 //! [`AttitudeBiasEstimator`] is the attitude-error / gyro-bias filter of J. L. Schwartz, *The Distributed
 //! Spacecraft Attitude Control System Simulator*, Virginia Tech, 2004, section 4.5.4, as a pure,
@@ -17,6 +17,7 @@ mod estimator;
 pub mod kernels;
 mod parameters;
 mod residual;
+pub mod sequential;
 pub mod steady_state;
 mod supervision;
 

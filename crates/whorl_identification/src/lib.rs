@@ -25,12 +25,9 @@ mod finding;
 mod fitting;
 mod grammar;
 mod identification;
-pub mod mass_parameters;
 mod options;
 mod parameter_space;
-pub mod realisability;
 mod selection;
-pub mod sequential;
 mod settings;
 mod signals;
 #[cfg(test)]
@@ -49,7 +46,6 @@ pub use fitting::{Direction, Directions, Fitter, Measured, Suspect, directions, 
 pub use identification::{
     Determined, Identification, IdentifiedParameter, UpdateError, identify, predict, usable_readings,
 };
-pub use mass_parameters::{MassCovariance, MassVector};
 pub use options::{Options, Progress};
 pub use selection::information::{ExpectedInformation, InformationByRun, expected_information};
 pub use settings::{Allowed, Setting, Settings};

@@ -2,15 +2,15 @@
 //!
 //! The innovation of eq. 4.104 divides a difference of rates by the time between them; here the same equation is
 //! integrated over a window, which needs no derivative. Its noise is in the matrix, so it is biased like the batch
-//! regressions; [`whorl_identification::sequential::JointFilter`] is not.
+//! regressions; [`whorl_estimation::sequential::JointFilter`] is not.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use whorl_dynamics::gyrostat::equation::inertia_regressor;
-use whorl_dynamics::{ModelPrior, PlatformModel};
-use whorl_identification::mass_parameters::{
+use whorl_dynamics::mass_parameters::{
     MASS_PARAMETERS, MassCovariance, MassVector, mass_vector, prior_stddev,
 };
-use whorl_identification::sequential::{SequentialEstimate, forget};
+use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_estimation::sequential::{SequentialEstimate, forget};
 use whorl_math::covariance::update;
 
 use crate::regression::{StateSample, StateSeries};
@@ -142,7 +142,7 @@ impl DualFilter {
 mod tests {
     use super::*;
     use crate::regression::estimated_series;
-    use whorl_identification::mass_parameters::{NAMES, mass_properties};
+    use whorl_dynamics::mass_parameters::{NAMES, mass_properties};
 
     use crate::simulated_runs::{at_balance, record, swinging};
 

@@ -1,8 +1,8 @@
 //! Tables 4.1-4.4, and what is better than them.
 
 use nalgebra::{Unit, Vector3};
+use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, UNITS, mass_vector};
 use whorl_dynamics::{ModelPrior, PlatformModel};
-use whorl_identification::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, UNITS, mass_vector};
 use whorl_identification::{Identification, identify};
 use whorl_math::attitude_from_vertical;
 use whorl_math::statistics::median;
@@ -193,7 +193,7 @@ pub fn manoeuvre() -> Reproduction {
         // The fit starts a tenth off.
         let mut off = model.clone();
         let wrong = truth * 0.9;
-        if let Ok(mass) = whorl_identification::mass_parameters::mass_properties(&wrong, 110.0) {
+        if let Ok(mass) = whorl_dynamics::mass_parameters::mass_properties(&wrong, 110.0) {
             off.mass_properties = mass;
         }
         let mut estimates = Vec::new();

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Unit, Vector3};
 use whorl_dynamics::PlatformModel;
-use whorl_identification::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES};
+use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES};
 use whorl_math::attitude_from_vertical;
 use whorl_math::statistics::median;
 

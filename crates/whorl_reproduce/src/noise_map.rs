@@ -1,7 +1,7 @@
 //! Figure 4.21.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use whorl_identification::mass_parameters::{MASS_PARAMETERS, mass_vector};
+use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, mass_vector};
 use whorl_math::statistics::median;
 use whorl_report::{ReproducedPlot, Reproduction};
 

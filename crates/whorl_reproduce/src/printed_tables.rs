@@ -11,9 +11,9 @@
 //! of the torque method, errors below 0.1 % counting as that. exp(distance) is the factor by which errors differ.
 
 use nalgebra::{Unit, UnitQuaternion, Vector3};
+use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, mass_vector};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_identification::identify;
-use whorl_identification::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, mass_vector};
 use whorl_math::attitude_from_vertical;
 use whorl_math::statistics::median;
 use whorl_prediction::Settings;

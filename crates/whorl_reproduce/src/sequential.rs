@@ -2,8 +2,8 @@
 
 use nalgebra::{Unit, Vector3};
 use whorl_dynamics::ModelPrior;
-use whorl_identification::mass_parameters::{MassVector, NAMES, mass_properties, mass_vector};
-use whorl_identification::sequential::{JointFilter, JointUpdate, SequentialEstimate};
+use whorl_dynamics::mass_parameters::{MassVector, NAMES, mass_properties, mass_vector};
+use whorl_estimation::sequential::{JointFilter, JointUpdate, SequentialEstimate};
 use whorl_math::attitude_from_vertical;
 use whorl_report::{ReproducedPlot, Reproduction};
 

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
-use whorl_identification::mass_parameters::MASS_PARAMETERS;
+use whorl_dynamics::mass_parameters::MASS_PARAMETERS;
 
 use crate::data::level;
 use crate::regression::StateSeries;

@@ -6,9 +6,9 @@
 use std::time::Duration;
 
 use nalgebra::{Unit, UnitQuaternion, Vector3};
+use whorl_dynamics::mass_parameters::NAMES;
 use whorl_dynamics::{ModelPrior, PlatformModel};
-use whorl_identification::mass_parameters::NAMES;
-use whorl_identification::sequential::{JointUpdate, OnlineFilter, SequentialEstimate};
+use whorl_estimation::sequential::{JointUpdate, OnlineFilter, SequentialEstimate};
 use whorl_msgs::sensor_msgs::JointState;
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::whorl::ParameterEstimate;

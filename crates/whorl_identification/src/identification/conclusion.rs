@@ -9,8 +9,8 @@ use super::findings;
 use super::parameters::{Free, Kind, Parameters};
 use super::{Determined, Identification, IdentifiedParameter};
 use crate::finding::Finding;
-use crate::mass_parameters::{MASS_PARAMETERS, MassCovariance, MassVector, inertia_b_kg_m2};
-use crate::realisability::smallest_density_moment_kg_m2;
+use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, MassCovariance, MassVector, inertia_b_kg_m2};
+use whorl_dynamics::realisability::smallest_density_moment_kg_m2;
 
 /// A fit that has ended.
 pub(super) struct Fit<'a> {

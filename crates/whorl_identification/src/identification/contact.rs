@@ -10,7 +10,7 @@ use whorl_dynamics::platform::TiltLimit;
 use whorl_recording::{Recording, Series};
 
 use crate::finding::Finding;
-use crate::sequential::{CONTACT_LASTS_S, touches};
+use whorl_estimation::sequential::{CONTACT_LASTS_S, touches};
 
 /// Specific forces are averaged over so long before they are judged \[s\]: motion is slow against it, and noise is not.
 const AVERAGED_S: f64 = 0.1;

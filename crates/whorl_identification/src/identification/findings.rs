@@ -4,7 +4,7 @@ use whorl_validation::Comparison;
 
 use super::{Determined, IdentifiedParameter};
 use crate::finding::Finding;
-use crate::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES};
+use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES};
 
 /// Prediction errors that are so many times what the model says are no consequence of its noise.
 const UNEXPLAINED: f64 = 3.0;

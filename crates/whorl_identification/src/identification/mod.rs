@@ -24,12 +24,12 @@ use whorl_recording::Recording;
 use whorl_validation::{Comparison, ValidationError, compare, prediction_error};
 
 use crate::finding::{DataError, Finding};
-use crate::mass_parameters::{MASS_PARAMETERS, MassCovariance, MassVector};
 use conclusion::{Fit, conclude};
 use contact::{away_from_stop, between_touches};
 use parameters::Parameters;
 pub use readings::usable_readings;
 pub use updated::UpdateError;
+use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, MassCovariance, MassVector};
 
 /// Mass properties show on the bearing only, and after ten seconds at the earliest.
 const NEEDS: Needs = Needs { shortest_s: 10.0, free: true, accelerometer: true };

@@ -6,10 +6,10 @@ use whorl_dynamics::{Effect, Gyrostat, ModelPrior, ParameterSpec, PlatformModel}
 use whorl_prediction::Parameter;
 use whorl_recording::Recording;
 
-use crate::mass_parameters::{
+use whorl_dynamics::mass_parameters::{
     MASS_PARAMETERS, MassCovariance, MassVector, mass_properties, mass_vector, prior_stddev,
 };
-use crate::realisability::nearest_realisable;
+use whorl_dynamics::realisability::nearest_realisable;
 
 /// What a parameter belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -8,7 +8,7 @@ use whorl_recording::Recording;
 use super::simulation::{at_balance, record, swinging, wrong_model};
 use whorl_prediction::Refusal;
 
-use crate::mass_parameters::{MASS_PARAMETERS, NAMES, mass_vector};
+use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, NAMES, mass_vector};
 use whorl_prediction::Settings;
 
 use crate::{DataError, Determined, Identification, identify};

@@ -1,8 +1,8 @@
 //! The joint filter on samples as they arrive.
 
 use super::simulation::{at_balance, prior, record, swinging, truth, wrong_model};
-use crate::mass_parameters::{MASS_PARAMETERS, NAMES, mass_vector};
-use crate::sequential::{JointUpdate, OnlineFilter};
+use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, NAMES, mass_vector};
+use whorl_estimation::sequential::{JointUpdate, OnlineFilter};
 
 #[test]
 fn the_online_filter_finds_the_truth() {

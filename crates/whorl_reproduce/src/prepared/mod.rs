@@ -8,7 +8,7 @@ mod wheels;
 use nalgebra::Vector3;
 use thiserror::Error;
 use whorl_dynamics::{Environment, Gyrostat, PlatformModel};
-use whorl_identification::sequential::{AveragedSample, CONTACT_LASTS_S, Direction, Surroundings, touches};
+use whorl_estimation::sequential::{AveragedSample, CONTACT_LASTS_S, Direction, Surroundings, touches};
 use whorl_identification::usable_readings;
 use whorl_math::unit_or;
 use whorl_prediction::{Needs, Refusal, check};

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::Gyrostat;
-use whorl_identification::sequential::Surroundings;
+use whorl_estimation::sequential::Surroundings;
 use whorl_recording::{Recording, Series};
 
 /// At a time of a run: measured, else as the model predicts.

@@ -1,8 +1,8 @@
 //! Joint filters on prepared runs.
 
 use whorl_dynamics::PlatformModel;
-use whorl_identification::mass_parameters::{MASS_PARAMETERS, NAMES, mass_vector};
-use whorl_identification::sequential::{JointFilter, JointUpdate, SequentialEstimate};
+use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, NAMES, mass_vector};
+use whorl_estimation::sequential::{JointFilter, JointUpdate, SequentialEstimate};
 use whorl_recording::Recording;
 
 use super::prepare;

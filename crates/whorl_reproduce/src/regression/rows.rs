@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, SMatrix, Vector3};
 use whorl_dynamics::gyrostat::equation::{inertia_regressor, momentum_rate_b_n_m};
-use whorl_identification::mass_parameters::MASS_PARAMETERS;
+use whorl_dynamics::mass_parameters::MASS_PARAMETERS;
 use whorl_math::{skew, vertical_b};
 
 use super::series::{StateSample, StateSeries};

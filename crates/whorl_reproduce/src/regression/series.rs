@@ -2,8 +2,8 @@
 
 use nalgebra::{SMatrix, UnitQuaternion, Vector3};
 use whorl_dynamics::gyrostat::equation::{mass_regressor, momentum_rate_b_n_m};
+use whorl_dynamics::mass_parameters::MASS_PARAMETERS;
 use whorl_dynamics::platform::Wheel;
-use whorl_identification::mass_parameters::MASS_PARAMETERS;
 use whorl_math::vertical_b;
 
 /// One time.

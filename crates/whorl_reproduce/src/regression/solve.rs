@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, SMatrix};
 use thiserror::Error;
-use whorl_identification::mass_parameters::{MASS_PARAMETERS, MassCovariance, MassVector};
+use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, MassCovariance, MassVector};
 
 use super::rows::System;
 use crate::prepared::DataError;

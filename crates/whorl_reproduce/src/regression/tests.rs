@@ -3,8 +3,8 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
+use whorl_dynamics::mass_parameters::mass_vector;
 use whorl_dynamics::{InitialState, Plant, PlatformModel};
-use whorl_identification::mass_parameters::mass_vector;
 
 use crate::regression::{Form, Method, StateSample, StateSeries, Weighting, rows, solve};
 use crate::rigid_body::simulate_rigid_body;
@@ -21,7 +21,7 @@ fn torque(t: f64) -> Vector3<f64> {
     Vector3::new(0.05 * (0.9 * t).sin(), 0.04 * (1.3 * t).cos(), 0.1 * (0.5 * t).sin().signum())
 }
 
-fn largest_error(truth: &PlatformModel, estimate: &whorl_identification::MassVector) -> f64 {
+fn largest_error(truth: &PlatformModel, estimate: &whorl_dynamics::MassVector) -> f64 {
     let t = mass_vector(&truth.mass_properties);
     (estimate - t).component_div(&t).amax()
 }

@@ -8,8 +8,8 @@ use super::noise::Noise;
 use super::physics::{Carried, Motion};
 use super::sample::AveragedSample;
 use super::{SequentialEstimate, extended, unscented};
-use crate::mass_parameters::{MASS_PARAMETERS, MassVector, mass_vector, prior_stddev};
-use crate::realisability::smallest_density_moment_kg_m2;
+use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, MassVector, mass_vector, prior_stddev};
+use whorl_dynamics::realisability::smallest_density_moment_kg_m2;
 
 /// Longest step that is integrated \[s\]; a longer gap resets the motion.
 const LONGEST_STEP_S: f64 = 0.5;
@@ -139,6 +139,6 @@ impl JointFilter {
 fn plausible(posterior: &Posterior) -> bool {
     let mass = MassVector::from_fn(|i, _| posterior.mean.values[i]);
     mass.iter().all(|x| x.is_finite())
-        && smallest_density_moment_kg_m2(&crate::mass_parameters::inertia_b_kg_m2(&mass)) > -0.5
+        && smallest_density_moment_kg_m2(&whorl_dynamics::mass_parameters::inertia_b_kg_m2(&mass)) > -0.5
         && posterior.covariance.diagonal().iter().all(|v| *v >= 0.0 && v.is_finite())
 }

@@ -1,6 +1,6 @@
 //! Forgetting that stops at what was known before.
 
-use crate::mass_parameters::{MassCovariance, MassVector};
+use whorl_dynamics::mass_parameters::{MassCovariance, MassVector};
 
 /// P / lambda (eqs. 4.97-4.99), with no variance beyond that of `prior`, standard deviations.
 #[must_use]

@@ -22,7 +22,7 @@ pub use joint::{JointFilter, JointUpdate};
 pub use online::OnlineFilter;
 pub use sample::{AveragedSample, CONTACT_LASTS_S, Direction, Surroundings, touches};
 
-use crate::mass_parameters::{MassCovariance, MassVector};
+use whorl_dynamics::mass_parameters::{MassCovariance, MassVector};
 
 /// The current estimate of a sequential filter.
 #[derive(Debug, Clone, PartialEq)]

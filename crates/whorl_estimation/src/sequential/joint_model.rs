@@ -7,7 +7,7 @@ use super::forgetting::forget;
 use super::noise::Noise;
 use super::physics::{Carried, Motion, Physics};
 use super::sample::AveragedSample;
-use crate::mass_parameters::{MASS_PARAMETERS, MassCovariance, MassVector};
+use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, MassCovariance, MassVector};
 
 /// Attitude error, rate, gyro bias, parameters.
 pub(super) const STATE: usize = 9 + MASS_PARAMETERS;

@@ -1,8 +1,8 @@
 //! The nine parameters of eq. 4.73 as a vector.
 
+use crate::mass_properties::MassPropertiesError;
+use crate::{MassProperties, ModelPrior};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
-use whorl_dynamics::mass_properties::MassPropertiesError;
-use whorl_dynamics::{MassProperties, ModelPrior};
 
 /// How many there are.
 pub const MASS_PARAMETERS: usize = 9;
@@ -60,8 +60,8 @@ pub fn prior_stddev(prior: &ModelPrior) -> MassVector {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use whorl_dynamics::PlatformModel;
-    use whorl_dynamics::gyrostat::equation::inertia_regressor;
+    use crate::PlatformModel;
+    use crate::gyrostat::equation::inertia_regressor;
 
     #[test]
     fn vector_and_matrix_agree() {

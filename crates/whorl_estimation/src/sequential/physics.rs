@@ -17,7 +17,7 @@ use whorl_dynamics::{Effect, EffectSet, Environment, ParameterSpec, PlatformMode
 use whorl_math::{quaternion_exp, quaternion_rate};
 
 use super::sample::AveragedSample;
-use crate::mass_parameters::{MassVector, gravity_offset_b_n_m, inertia_b_kg_m2};
+use whorl_dynamics::mass_parameters::{MassVector, gravity_offset_b_n_m, inertia_b_kg_m2};
 
 /// What a filter takes as it is: the platform but for its mass properties, and its effects. Those with states of their own are left
 /// out.
@@ -198,8 +198,8 @@ mod tests {
     use whorl_dynamics::{InitialState, Plant};
 
     use super::*;
-    use crate::mass_parameters::mass_vector;
     use crate::sequential::sample::Surroundings;
+    use whorl_dynamics::mass_parameters::mass_vector;
 
     /// The truth plant integrates motor torques and friction at 1 kHz; here the wheels' speeds alone are
     /// given, at 20 Hz. Both must arrive at the same motion.
