@@ -1,23 +1,14 @@
 //! The one function that finds what a model lacks.
 
-use std::borrow::Cow;
-
 use whorl_dynamics::{ModelPrior, PlatformModel};
-use whorl_prediction::{Needs, check};
 use whorl_recording::Recording;
 
+use crate::case::{Case, is_blind};
 use crate::fitting::low_pass;
-use crate::parameter_space::Reference;
-use crate::parameter_space::available::Available;
-use crate::selection::{Runs, Selection};
-use crate::signals::clamped::is_clamped;
-use crate::signals::digits::without_clipped;
+use crate::selection::Selection;
 use crate::verdict::answer::answer;
 use crate::verdict::missing_channels;
 use crate::{Diagnosis, DiagnosisError, Options, Progress};
-
-/// What is needed of a recording. Whether it holds enough is a matter of information, not of seconds.
-const NEEDS: Needs = Needs { shortest_s: 0.5, free: false, accelerometer: false };
 
 /// Finds the effect that the model lacks.
 ///
@@ -42,47 +33,16 @@ pub fn diagnose(
             return Err(DiagnosisError::UnknownEffect { id: id.clone() });
         }
     }
-    let given = Reference::new(model, prior, options.settings);
-    let given_runs = (training, held_out);
-    let (training, held_out) = (checked(training, model)?, checked(held_out, model)?);
-    if let Some(blind) = training.iter().find(|run| is_blind(run, model)) {
-        return Ok(nothing_of_a_blind_run(&training, model, &blind.name));
-    }
-    let available = Available::of(given_runs.0, model);
     progress(Progress { share: 0.02, doing: "comparing what the sensors' low-pass may be" });
-    let delaying = delaying(&given, &available, &training, options)?;
-    let reference = Reference { model: delaying, ..given };
-    let runs = Runs {
-        training: &training,
-        held_out: &held_out,
-        reference: &reference,
-        available: &available,
-        threads: options.threads,
-    };
-    let selection = Selection::new(runs, options, progress)?;
-    progress(Progress { share: 0.9, doing: "looking for laws without a name, writing the answer" });
-    let mut diagnosis = answer(&selection, given_runs, options)?;
-    diagnosis.remarks.extend(low_pass::remarks(model, &reference.model));
-    Ok(diagnosis)
-}
-
-/// Recordings that can be used; without readings of the gyro that pile up at a limit, which show that by themselves.
-pub(crate) fn checked<'a>(
-    recordings: &'a [Recording],
-    model: &PlatformModel,
-) -> Result<Cow<'a, [Recording]>, DiagnosisError> {
-    for recording in recordings {
-        check(recording, model, &NEEDS)?;
+    let case = Case::new(training, held_out, model, prior, options)?;
+    if let Some(blind) = case.training.iter().find(|run| is_blind(run, model)) {
+        return Ok(nothing_of_a_blind_run(&case.training, model, &blind.name));
     }
-    Ok(without_clipped(recordings, model))
-}
-
-/// Neither attitude nor momentum can be known: wheels turn, and the gyro is the only sensor.
-fn is_blind(recording: &Recording, model: &PlatformModel) -> bool {
-    let attitude = recording.vectors.iter().any(|v| !v.direction_b.is_empty())
-        || !recording.specific_force_b_m_s2.is_empty();
-    let wheels_turn = recording.wheel_torque_command_n_m.value.iter().flatten().any(|u| *u != 0.0);
-    !is_clamped(recording, model) && !attitude && recording.wheel_speed_rad_s.is_empty() && wheels_turn
+    let selection = Selection::new(case.runs(), options, progress)?;
+    progress(Progress { share: 0.9, doing: "looking for laws without a name, writing the answer" });
+    let mut diagnosis = answer(&selection, (training, held_out), options)?;
+    diagnosis.remarks.extend(low_pass::remarks(model, &case.reference.model));
+    Ok(diagnosis)
 }
 
 fn nothing_of_a_blind_run(training: &[Recording], model: &PlatformModel, name: &str) -> Diagnosis {
@@ -105,25 +65,5 @@ pub fn with_low_passes_that_delay(
     prior: &ModelPrior,
     options: &Options,
 ) -> Result<PlatformModel, DiagnosisError> {
-    let available = Available::of(training, model);
-    let training = checked(training, model)?;
-    let reference = Reference::new(model, prior, options.settings);
-    delaying(&reference, &available, &training, options)
-}
-
-pub(crate) fn delaying(
-    reference: &Reference,
-    available: &Available,
-    training: &[Recording],
-    options: &Options,
-) -> Result<PlatformModel, DiagnosisError> {
-    if let Some(known) = &options.delaying {
-        return Ok(known.clone());
-    }
-    let stated = &reference.model;
-    if training.iter().any(|run| is_blind(run, stated)) {
-        return Ok(stated.clone());
-    }
-    let found = low_pass::without_those_that_do_not_delay(reference, available, training, options.threads)?;
-    Ok(found.unwrap_or_else(|| stated.clone()))
+    Ok(Case::new(training, &[], model, prior, options)?.reference.model)
 }

@@ -18,6 +18,7 @@
 
 pub mod balance;
 pub mod calibration;
+mod case;
 mod diagnose;
 mod discovery;
 mod error;
@@ -35,7 +36,7 @@ mod tests;
 mod threads;
 mod verdict;
 
-pub(crate) use diagnose::{checked, delaying};
+pub(crate) use case::checked;
 pub use diagnose::{diagnose, with_low_passes_that_delay};
 pub use discovery::{Discovery, DiscoveryError, Drawn, DrawnPoint, EvaluatedLaw, FittedValue, discover};
 pub use error::DiagnosisError;

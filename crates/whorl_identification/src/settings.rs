@@ -154,8 +154,7 @@ settings! {
     /// Time over which rates are compared to see what torque was applied \[s\]. Assumption: longer than the gyro's noise needs, shorter
     /// than a manoeuvre.
     at_work_s: f64 = 0.5, Allowed::Positive;
-    /// Size of an effect, over the catalogue's, from which it is unusual \[1\]; also the size that all effects together may have where
-    /// the noise model of the residual is estimated. Derived from ball bearings, which have a thousand times the friction of air
+    /// Size of an effect, over the catalogue's, from which it is unusual \[1\]. Derived from ball bearings, which have a thousand times the friction of air
     /// bearings; beyond it single precision leaves more than the noise.
     unusual_size: f64 = 100.0, Allowed::Positive;
     /// One rig in so many has an effect of unusual size \[1\]. Assumption.
@@ -164,18 +163,17 @@ settings! {
     prior_margin: f64 = 1.2, Allowed::Positive;
     /// Probability that makes an answer \[1\]. Convention.
     sure: f64 = 0.95, Allowed::Share;
-    /// Probability, over that of the most probable set, below which a set is not compared on the samples nor mentioned \[1\].
+    /// Probability, over that of the most probable set, below which it is not mentioned \[1\].
     /// Assumption: a fiftieth of what `sure` leaves open.
     worth_mentioning: f64 = 1e-3, Allowed::Share;
     /// Log evidence by which a set may be behind the best one and still be fitted, and which lines that only samples show must have
     /// \[nats\]. Derived from odds of 20,000 to 1.
     window_nats: f64 = 10.0, Allowed::Positive;
-    /// Log evidence that is worth a second look: a larger set, a stated low-pass that is doubted, a faint effect, a longer walk of the
-    /// rate, another latency, what a fit that has not ended may still gain \[nats\]. Derived from odds of 20 to 1.
+    /// Log evidence that is worth a second look: a stated low-pass that is doubted, a set that wins by its noise levels \[nats\]. Derived from odds of 20 to 1.
     doubt_nats: f64 = 3.0, Allowed::Positive;
     /// Predicted gain of log likelihood below which a fit takes no further step \[nats\]. Derived: a tenth of `doubt_nats`.
     converged_nats: f64 = 0.3, Allowed::Positive;
-    /// Predicted gain of log likelihood from which a fit is taken up again \[nats\]. Derived: a third of `doubt_nats`.
+    /// The same of fits that compare what a stated low-pass may be \[nats\]. Derived: a third of `doubt_nats`.
     unfinished_nats: f64 = 1.0, Allowed::Positive;
     /// Drop of the whitened misfit that cannot be overlooked, in variances of the noise: an effect of usual size would have shown, a line in
     /// the samples is there, a step went too far \[1\]. Derived from five and a half standard deviations.

@@ -23,10 +23,8 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_prediction::Push;
 use whorl_recording::Recording;
 
-use crate::parameter_space::Reference;
-use crate::parameter_space::available::Available;
-use crate::selection::Runs;
-use crate::{DiagnosisError, Options, checked, delaying};
+use crate::case::Case;
+use crate::{DiagnosisError, Options};
 use bench::{Bench, FittedLaw};
 use law::{Law, curve_of, law_of};
 use search::{Ground, proposals};
@@ -152,18 +150,8 @@ pub fn discover(
     say: &mut dyn FnMut(f64, &str),
 ) -> Result<Discovery, DiscoveryError> {
     say(0.0, "fitting the platform's own parameters");
-    let available = Available::of(training, model);
-    let (training, held_out) = (checked(training, model)?, checked(held_out, model)?);
-    let given = Reference::new(model, prior, options.settings);
-    let reference = Reference { model: delaying(&given, &available, &training, options)?, ..given };
-    let runs = Runs {
-        training: &training,
-        held_out: &held_out,
-        reference: &reference,
-        available: &available,
-        threads: options.threads,
-    };
-    let bench = Bench::new(runs, options)?;
+    let case = Case::new(training, held_out, model, prior, options)?;
+    let bench = Bench::new(case.runs(), options)?;
     let possible = terms::possible(model, &bench.recorded());
     let formulas: Vec<Formula> = possible.iter().map(|v| Formula::new(&v.text)).collect::<Result<_, _>>()?;
     let none = vec![0.0; formulas.len()];

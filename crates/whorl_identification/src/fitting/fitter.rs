@@ -1,18 +1,16 @@
 //! Models refitted jointly with effects that were chosen.
 
-use std::borrow::Cow;
 use std::cell::OnceCell;
 
 use whorl_dynamics::effects::find;
 use whorl_dynamics::{Effect, ModelPrior, PlatformModel};
 use whorl_recording::Recording;
 
+use crate::case::Case;
 use crate::fitting::refit::Fit;
 use crate::fitting::ties::leave_open;
-use crate::parameter_space::Reference;
-use crate::parameter_space::available::Available;
-use crate::selection::{Beside, Runs, Selection, Told};
-use crate::{DiagnosisError, Options, checked, delaying};
+use crate::selection::{Beside, Selection, Told};
+use crate::{DiagnosisError, Options};
 
 /// Refits the platform's own parameters together with `effects` (ids of the catalogue, empty to refit the
 /// base only) to the recordings.
@@ -31,10 +29,8 @@ pub fn fit(
 
 /// Recordings and a model, to be refitted with one set of effects after the other.
 pub struct Fitter<'a> {
-    training: Cow<'a, [Recording]>,
+    case: Case<'a>,
     options: &'a Options,
-    reference: Reference,
-    available: Available,
     /// The platform's own parameters alone.
     base: OnceCell<Fit>,
 }
@@ -50,12 +46,7 @@ impl<'a> Fitter<'a> {
         prior: &ModelPrior,
         options: &'a Options,
     ) -> Result<Self, DiagnosisError> {
-        let available = Available::of(training, model);
-        let training = checked(training, model)?;
-        let given = Reference::new(model, prior, options.settings);
-        let delaying = delaying(&given, &available, &training, options)?;
-        let reference = Reference { model: delaying, ..given };
-        Ok(Self { training, options, reference, available, base: OnceCell::new() })
+        Ok(Self { case: Case::new(training, &[], model, prior, options)?, options, base: OnceCell::new() })
     }
 
     /// Refits the platform's own parameters together with `effects`, ids of the catalogue, by the likelihood of the readings
@@ -69,14 +60,14 @@ impl<'a> Fitter<'a> {
         if let Some(base) = self.base.get().filter(|_| chosen.is_empty()) {
             return Ok(base.clone());
         }
-        let runs = self.runs();
+        let runs = self.case.runs();
         let selection = Selection::begun(runs, self.options)?;
         let base = selection.base();
         if chosen.is_empty() {
-            let fit = base.fit(&self.reference)?;
+            let fit = base.fit(&self.case.reference)?;
             return Ok(self.base.get_or_init(|| fit).clone());
         }
-        let told = Told::of(&selection.observed, &selection.lines, self.available.sample_s);
+        let told = Told::of(&selection.observed, &selection.lines, self.case.available.sample_s);
         let ids: Vec<&'static str> = chosen.iter().map(|effect| effect.info().id).collect();
         let is_asked = |effect: &dyn Effect| ids.contains(&effect.info().id);
         let beside = Beside::new(&runs, base, &told.clues(), is_asked)?;
@@ -84,21 +75,11 @@ impl<'a> Fitter<'a> {
             || DiagnosisError::NoEffect { id: ids.first().map_or_else(String::new, |id| (*id).to_owned()) };
         let hypothesis = beside.and_then(|beside| beside.with(&ids)).ok_or_else(nothing)?;
         let found = runs.evaluate(hypothesis, &[base])?;
-        let mut fit = found.fit(&self.reference)?;
-        let refit = found.refit(&self.reference);
-        fit.ties = refit.ties(&self.training, &found.fitted, &chosen, self.options)?;
+        let mut fit = found.fit(&self.case.reference)?;
+        let refit = found.refit(&self.case.reference);
+        fit.ties = refit.ties(&self.case.training, &found.fitted, &chosen, self.options)?;
         leave_open(&fit.ties, &mut fit.model, &mut fit.prior);
         Ok(fit)
-    }
-
-    fn runs(&self) -> Runs<'_> {
-        Runs {
-            training: &self.training,
-            held_out: &[],
-            reference: &self.reference,
-            available: &self.available,
-            threads: self.options.threads,
-        }
     }
 
     /// Effects of these ids that the model does not have yet.
@@ -106,7 +87,7 @@ impl<'a> Fitter<'a> {
         let mut chosen = Vec::new();
         for id in effects {
             let effect = find(id).ok_or_else(|| DiagnosisError::UnknownEffect { id: (*id).to_owned() })?;
-            if !self.reference.model.effects.contains_key(*id) {
+            if !self.case.reference.model.effects.contains_key(*id) {
                 chosen.push(effect);
             }
         }
