@@ -5,6 +5,7 @@
 //! - `fuzz`: any message into any core.
 //! - `ros`: the node set as real processes over DDS, one fault after the other.
 //! - `structure`: what the sources must look like.
+//! - `workbench`: `whorl open` in a browser.
 //!
 //! The processes' programs are those that cargo builds with the tests. README.md tells of variables and of what needs
 //! root.
@@ -18,3 +19,4 @@ mod replay;
 mod ros;
 mod structure;
 mod support;
+mod workbench;

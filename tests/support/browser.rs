@@ -1,7 +1,7 @@
 //! A headless Chromium, driven through its DevTools protocol (<https://chromedevtools.github.io/devtools-protocol/>).
 
 use std::net::TcpStream;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -18,6 +18,8 @@ const PATIENCE: Duration = Duration::from_secs(60);
 pub struct Browser {
     socket: WebSocket<TcpStream>,
     next: u64,
+    /// Errors of scripts, by the page's session.
+    errors: Vec<(String, String)>,
     _process: Process,
     _profile: TempDir,
 }
@@ -61,7 +63,7 @@ impl Browser {
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         let url = format!("ws://127.0.0.1:{}{}", address.0, address.1);
         let (socket, _) = tungstenite::client::client(url, stream).unwrap();
-        Some(Self { socket, next: 0, _process: process, _profile: profile })
+        Some(Self { socket, next: 0, errors: Vec::new(), _process: process, _profile: profile })
     }
 
     /// Port and path, which Chromium writes into its profile.
@@ -88,6 +90,10 @@ impl Browser {
         loop {
             let Message::Text(text) = self.socket.read().unwrap() else { continue };
             let answer: Value = serde_json::from_str(&text).unwrap();
+            if answer["method"] == "Runtime.exceptionThrown" {
+                let session = answer["sessionId"].as_str().unwrap_or_default().to_owned();
+                self.errors.push((session, answer["params"]["exceptionDetails"].to_string()));
+            }
             if answer["id"] == self.next {
                 assert!(answer.get("error").is_none(), "{method}: {answer}");
                 return answer["result"].clone();
@@ -125,6 +131,27 @@ impl Browser {
             }
             std::thread::sleep(Duration::from_millis(100));
         }
+    }
+
+    /// Drops files on the middle of what a page shows, as from a file manager.
+    pub fn drop_files(&mut self, page: &Page, files: &[PathBuf]) {
+        let data = json!({"items": [], "files": files, "dragOperationsMask": 1});
+        for kind in ["dragEnter", "dragOver", "drop"] {
+            let event = json!({"type": kind, "x": 400, "y": 300, "data": data});
+            self.call(Some(&page.session), "Input.dispatchDragEvent", event);
+        }
+    }
+
+    /// What scripts of a page have complained of: errors that nobody caught.
+    pub fn complaints(&mut self, page: &Page) -> Vec<String> {
+        self.call(Some(&page.session), "Runtime.enable", json!({}));
+        // A value asked for afterwards: what was held back has come before its answer.
+        self.value(page, "1");
+        self.errors
+            .iter()
+            .filter(|(session, _)| *session == page.session)
+            .map(|(_, text)| text.clone())
+            .collect()
     }
 
     /// Loads a page anew.

@@ -107,6 +107,11 @@ whorl export csv RUN --out exported --topics   a file to each topic, with every 
     ),
     ("export parquet", "whorl export parquet runs/* --out tables"),
     (
+        "open",
+        "whorl open laboratory   a folder with recordings and a platform's file
+whorl open swing.csv   what is missing is made of the recording",
+    ),
+    (
         "compare",
         "whorl compare RUN --model params/whorl_1.yaml
 whorl compare RUN --held-out OTHER_RUN --refit --json -",
@@ -269,6 +274,7 @@ mod tests {
         "hold",
         "abort",
         "live",
+        "open",
         "security create",
         "demo",
         "completions",

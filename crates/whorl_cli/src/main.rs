@@ -38,6 +38,7 @@ mod monitor;
 mod new;
 mod next;
 mod nodes;
+mod open;
 mod orbit;
 mod output;
 mod parameters;
@@ -144,6 +145,8 @@ enum Command {
     Import(import::Arguments),
     /// Writes the measurements of runs as CSV or Parquet.
     Export(export::Arguments),
+    /// Opens recordings in a browser: look at them, compare them with a model, find the effect that it lacks, adopt it, take it back.
+    Open(open::Arguments),
     /// How far off the model is: prediction errors by channel and horizon, relative to the noise.
     Compare(compare::Arguments),
     /// Where the model fails: the quantities that the unexplained torque depends on.
@@ -250,6 +253,7 @@ fn carried_out(command: Command) -> ExitCode {
         Command::Report { runs, html, json } => report::run(&runs, html.as_deref(), &json),
         Command::Import(arguments) => import::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
+        Command::Open(arguments) => open::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Where(arguments) => where_::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),

@@ -229,7 +229,7 @@
         { label: spec.xlabel || "time [s]", value: (u, v) => shown(v) },
         ...spec.curves.map((c) => ({
           label: c.n, stroke: () => css(colour(c.c)), width: c.d ? 1.2 : 1.5, dash: DASHES[c.d || 0],
-          points: { show: c.x.length < 30, size: 4 }, value: (u, v) => shown(v),
+          paths: spec.dots ? () => null : undefined, points: { show: spec.dots || c.x.length < 30, size: spec.dots ? 3 : 4 }, value: (u, v) => shown(v),
         })),
       ],
       axes: [
@@ -279,39 +279,45 @@
       if (!u.over.matches(":hover")) u.setLegend({ idx: u.data[0].length - 1 }, false);
     };
     charts.push(chart);
-    new ResizeObserver(() => {
+    const resized = new ResizeObserver(() => {
       const width = place.clientWidth;
       if (width > 0 && width !== u.width) { u.setSize({ width, height: options.height }); follow(chart); }
-    }).observe(place);
-    new IntersectionObserver((entries) => {
+    });
+    resized.observe(place);
+    const seen = new IntersectionObserver((entries) => {
       chart.visible = entries.some((e) => e.isIntersecting);
       if (chart.visible) follow(chart);
-    }, { rootMargin: "200px" }).observe(place);
+    }, { rootMargin: "200px" });
+    seen.observe(place);
+    chart.remove = () => {
+      resized.disconnect();
+      seen.disconnect();
+      u.destroy();
+      charts.splice(charts.indexOf(chart), 1);
+    };
     return chart;
   };
 
-  const redraw = () => { for (const chart of charts) chart.u.redraw(); whorl.redrawScene && whorl.redrawScene(); };
+  const redraw = () => { for (const chart of charts) chart.u.redraw(); whorl.redrawScene && whorl.redrawScene(); whorl.redrawMore && whorl.redrawMore(); };
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
   // Paper is white.
   addEventListener("beforeprint", () => { document.documentElement.dataset.theme = "light"; redraw(); });
   addEventListener("afterprint", () => { delete document.documentElement.dataset.theme; redraw(); });
 
   // Curves as they are stored: times as steps in milliseconds, or plain values.
-  const unpacked = (c) => {
+  const timed = (c) => {
     if (!c.dt) return c;
     let at = 0;
     return { ...c, x: c.dt.map((d) => (at += d) * 1e-3) };
   };
+  whorl.unpacked = (spec) => ({ ...spec, curves: spec.curves.map(timed), bands: spec.bands.map(timed) });
 
   whorl.load = async () => {
     const text = document.getElementById("data").textContent;
     const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
     const data = await new Response(stream).json();
-    for (const spec of data.figures) {
-      spec.curves = spec.curves.map(unpacked);
-      spec.bands = spec.bands.map(unpacked);
-    }
+    data.figures = data.figures.map(whorl.unpacked);
     return data;
   };
 })((window.whorl = window.whorl || {}));

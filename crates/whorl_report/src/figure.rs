@@ -37,6 +37,13 @@ pub struct Span {
     pub curve: usize,
 }
 
+/// How a curve is drawn: indices of its colour and of its style (solid, dashed, dotted, dashed and dotted).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Look {
+    pub colour: usize,
+    pub style: usize,
+}
+
 /// A figure to be drawn.
 #[derive(Debug, Clone, Default)]
 pub struct Figure {
@@ -129,13 +136,8 @@ impl Figure {
             }
             Value::Object(entry)
         };
-        let mut curves = Vec::new();
-        for (style, list) in self.by_style().into_iter().enumerate() {
-            for (i, curve) in list.iter().enumerate().filter(|(_, c)| !c.time_s.is_empty()) {
-                let own = if style == 0 { looks[i].1 } else { style };
-                curves.push(kept(curve, colour(i), own));
-            }
-        }
+        let curves: Vec<Value> =
+            self.looked().into_iter().map(|(curve, look)| kept(curve, look.colour, look.style)).collect();
         let bands = self.bands.iter().enumerate().map(|(i, band)| (band, Some(colour(i))));
         let bands = self.band_of_all.iter().map(|band| (band, None)).chain(bands);
         let bands = bands.filter(|(band, _)| !band.0.time_s.is_empty());
@@ -155,6 +157,19 @@ impl Figure {
             "time": on_timeline && over_time,
             "range": if self.log_x { None } else { x_range },
         })
+    }
+
+    /// Every curve that has points, with its look.
+    pub(crate) fn looked(&self) -> Vec<(&Curve, Look)> {
+        let looks = self.looks();
+        let mut all = Vec::new();
+        for (style, list) in self.by_style().into_iter().enumerate() {
+            for (i, curve) in list.iter().enumerate().filter(|(_, c)| !c.time_s.is_empty()) {
+                let (colour, own) = looks.get(i).copied().unwrap_or((i % COLOURS, 0));
+                all.push((curve, Look { colour, style: if style == 0 { own } else { style } }));
+            }
+        }
+        all
     }
 
     /// Colour and style of each solid curve: the colour of the channel that its name says, else one of those that are left;

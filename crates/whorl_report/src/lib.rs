@@ -26,6 +26,7 @@ mod replay;
 mod reproduction;
 mod series;
 mod siblings;
+mod svg;
 mod timeline;
 mod times;
 mod verdict;
@@ -37,8 +38,9 @@ pub use campaign::{Sweep, SweptAxis, SweptGroup, campaign_html};
 pub use data::{Collector, RunData};
 pub use events::{Happening, happenings, mode_name};
 pub use explanation::{
-    Facts, NextPage, PlannedMotion, adoption_html, comparison_html, diagnosis_html, discovery_html,
-    localisation_html, next_html, trends_html,
+    Drawn, Facts, NextPage, PathPart, PlannedMotion, adoption_figures, adoption_html, comparison_figures,
+    comparison_html, diagnosis_figures, diagnosis_html, discovery_figures, discovery_html,
+    localisation_figures, localisation_html, next_html, path_html, trends_html,
 };
 pub use index::{IndexRow, IndexedCampaign, index_html};
 pub use live::live_html;

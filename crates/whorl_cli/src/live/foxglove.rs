@@ -13,9 +13,8 @@ use tokio::sync::broadcast;
 use whorl_msgs::definitions;
 use whorl_msgs::topics::Topic;
 use whorl_ros::environment::Network;
+use whorl_serving::{PATIENCE, Place};
 
-use super::PATIENCE;
-use super::places::Place;
 use crate::output::tell;
 use crate::subscription::Subscription;
 

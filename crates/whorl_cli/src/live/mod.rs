@@ -1,14 +1,11 @@
 //! `whorl live`: the formation in a browser.
 
-mod door;
 mod foxglove;
 mod load;
-mod places;
 mod server;
 mod view;
 
 use std::collections::VecDeque;
-use std::io::Read;
 use std::net::{IpAddr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -27,20 +24,15 @@ use whorl_ros::environment::Network;
 
 use crate::output::{say, tell};
 use crate::subscription::Subscription;
-use door::{Door, Visitor};
-use places::Places;
-use server::{BROWSERS, Server};
+use server::{BROWSERS, FOXGLOVE, Server};
 use view::View;
 use whorl_commands::shapes::shapes;
+use whorl_serving::{Door, Places, Site, Visitor, token};
 
 /// Where the page is served unless another port is given.
 pub const PORT: u16 = 8470;
-/// Length of a token.
-const SECRET_DIGITS: usize = 32;
 /// In the environment: the token of the page, chosen by who started it. Nobody but this user can read it.
 pub const TOKEN: &str = "WHORL_LIVE_TOKEN";
-/// A browser that takes nothing for this long is left.
-const PATIENCE: Duration = Duration::from_secs(20);
 /// Time between two frames.
 const FRAME: Duration = Duration::from_millis(33);
 /// What a page that is opened in mid-run gets first: the last minute, which is what its plots show, with as many frames a second as
@@ -102,7 +94,11 @@ async fn serve(arguments: &Arguments) -> anyhow::Result<()> {
     let address = listener.local_addr()?;
     let network = Network::from_environment()?.secured(whorl_security::policy::MONITOR)?;
     let subscription = Subscription::new(&network, &arguments.platforms, &SHARED, &OF_PLATFORMS)?;
-    let token = if arguments.read_only { None } else { Some(chosen_token().map_or_else(secret, Ok)?) };
+    let token = if arguments.read_only {
+        None
+    } else {
+        Some(token::chosen(TOKEN).map_or_else(token::secret, Ok).context("--read-only needs none")?)
+    };
     let (frames, _) = watch::channel(Utf8Bytes::default());
     let past = Past::default();
     let failed = feed(subscription, arguments.platforms.clone(), frames.clone(), Arc::clone(&past))?;
@@ -121,12 +117,12 @@ async fn serve(arguments: &Arguments) -> anyhow::Result<()> {
     if foxglove.is_some() {
         say!("Foxglove at ws://{address}/foxglove");
     }
+    let site = Arc::new(Site { address, token, for_anybody: foxglove.is_some().then_some(FOXGLOVE) });
     let server = Arc::new(Server {
-        address,
+        site,
         page,
         frames,
         past,
-        token,
         foxglove,
         browsers: Places::new(BROWSERS),
         clients: Places::new(BROWSERS),
@@ -134,7 +130,7 @@ async fn serve(arguments: &Arguments) -> anyhow::Result<()> {
     let routes = server::routes(server).into_make_service_with_connect_info::<Visitor>();
     let mut stopped = stop_signal()?;
     let mut told = stopped.clone();
-    let serving = axum::serve(Door::new(listener), routes).with_graceful_shutdown(async move {
+    let serving = axum::serve(Door::new(listener, 0), routes).with_graceful_shutdown(async move {
         let _ = told.wait_for(|stops| *stops).await;
     });
     // An abort ends the run, and the run this page: who asked for it is still answered.
@@ -255,18 +251,4 @@ impl Looks {
 pub fn free_port(port: u16) -> u16 {
     let free = || std::net::TcpListener::bind((std::net::Ipv4Addr::LOCALHOST, 0))?.local_addr();
     if port == 0 { free().map_or(0, |address| address.port()) } else { port }
-}
-
-/// The token that whoever started this process has chosen.
-fn chosen_token() -> Option<String> {
-    std::env::var(TOKEN).ok().filter(|token| token.len() == SECRET_DIGITS)
-}
-
-/// 128 random bits in hexadecimal digits.
-pub fn secret() -> anyhow::Result<String> {
-    let mut bytes = [0u8; SECRET_DIGITS / 2];
-    std::fs::File::open("/dev/urandom")
-        .and_then(|mut file| file.read_exact(&mut bytes))
-        .context("there is no source of randomness for the token (--read-only needs none)")?;
-    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }

@@ -57,7 +57,7 @@ impl Screen {
         let mut screen = Self::new("live", surroundings, words);
         let port = live::free_port(port);
         screen.arguments.extend(["--run".into(), run.into(), "--port".into(), port.to_string().into()]);
-        match live::secret() {
+        match whorl_serving::token::secret() {
             Ok(token) => screen.environment.push((live::TOKEN.to_owned(), token)),
             Err(error) => tell(format_args!("warning: {error}")),
         }

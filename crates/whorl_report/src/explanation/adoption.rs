@@ -1,13 +1,14 @@
 //! The page of `whorl adopt`.
 
 use maud::Markup;
-use whorl_explain::Adoption;
+use whorl_explain::{Adoption, ComparedRun, Version};
 use whorl_validation::comparison::{Channel, Comparison, Overlay};
 
 use super::comparison::{measured_and_predicted, title};
 use super::versions::versions;
 use super::{Facts, facts};
 use crate::document::{Document, code, significant, text};
+use crate::figure::Figure;
 
 /// The page as one self-contained HTML document.
 #[must_use]
@@ -42,19 +43,25 @@ pub fn adoption_html(adoption: &Adoption, about: &Facts) -> String {
 /// The channel that the model as given predicts worst, measured and predicted: with the model as given, and with the last
 /// version; of the first held-out run, or of the first where none was held out.
 fn before_and_after(page: &mut Document, adoption: &Adoption) {
-    let (Some(given), Some(adopted)) = (adoption.versions.first(), adoption.versions.last()) else { return };
+    let Some((run, figures)) = pair(adoption) else { return };
+    page.heading(&title(run));
+    figures.iter().for_each(|figure| page.figure(figure, None));
+}
+
+/// The run that judges, and its worst channel before and after.
+pub(super) fn pair(adoption: &Adoption) -> Option<(&ComparedRun, Vec<Figure>)> {
+    let (given, adopted) = (adoption.versions.first()?, adoption.versions.last()?);
     let held_out = given.runs.iter().position(|run| run.held_out).unwrap_or(0);
-    let (Some(before), Some(after)) = (given.runs.get(held_out), adopted.runs.get(held_out)) else { return };
-    let Some(name) = worst_channel(&before.comparison) else { return };
-    let overlay = |comparison: &Comparison| -> Option<Overlay> {
-        comparison.overlays.iter().find(|overlay| overlay.name == name).cloned()
+    let (before, after) = (given.runs.get(held_out)?, adopted.runs.get(held_out)?);
+    let name = worst_channel(&before.comparison)?;
+    let figure = |run: &ComparedRun, version: &Version| {
+        let overlay = run.comparison.overlays.iter().find(|overlay| overlay.name == name)?;
+        Some(measured_and_predicted(overlay, &format!(", {}", version.name)))
     };
-    page.heading(&title(before));
-    for (run, version) in [(before, given), (after, adopted)] {
-        if let Some(overlay) = overlay(&run.comparison) {
-            page.figure(&measured_and_predicted(&overlay, &format!(", {}", version.name)), None);
-        }
-    }
+    Some((
+        before,
+        [(before, given), (after, adopted)].into_iter().filter_map(|(run, v)| figure(run, v)).collect(),
+    ))
 }
 
 /// The channel with the largest error over its predicted deviation at the longest horizon.

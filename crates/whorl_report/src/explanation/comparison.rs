@@ -3,7 +3,7 @@
 use maud::Markup;
 use whorl_explain::ComparedRun;
 use whorl_validation::Comparison;
-use whorl_validation::comparison::{Channel, ChannelErrors, Overlay, PREDICTION_RULE};
+use whorl_validation::comparison::{Channel, ChannelErrors, Overlay, PREDICTION_RULE, ahead};
 
 use super::{Facts, facts};
 use crate::document::{Document, judged, number, significant, text};
@@ -59,7 +59,7 @@ pub fn comparison_html(runs: &[ComparedRun], of_models: &[String], about: &Facts
 }
 
 fn horizon_name(horizon_s: Option<f64>) -> String {
-    horizon_s.map_or_else(|| "run".to_owned(), |h| format!("{h} s"))
+    horizon_s.map_or_else(|| "run".to_owned(), |h| format!("{} s", ahead(h)))
 }
 
 fn error_table(page: &mut Document, run: &ComparedRun) {
@@ -125,7 +125,7 @@ fn run_section(page: &mut Document, run: &ComparedRun) {
 }
 
 /// Ratio to the predicted deviation over the horizon.
-fn staircase(comparison: &Comparison) -> Figure {
+pub(super) fn staircase(comparison: &Comparison) -> Figure {
     let curve = |channel: &ChannelErrors| {
         let points = channel.horizons.iter().map(|h| (h.horizon_s.unwrap_or(comparison.duration_s), h.ratio));
         Curve::new(channel.name.as_str(), points)
@@ -143,7 +143,7 @@ fn staircase(comparison: &Comparison) -> Figure {
     }
 }
 
-fn overlay_figures(overlay: &Overlay) -> Vec<Figure> {
+pub(super) fn overlay_figures(overlay: &Overlay) -> Vec<Figure> {
     let (unit, factor) = overlay.quantity.shown_unit();
     let scaled =
         |curve: &GrowingCurve| -> Vec<(f64, f64)> { curve.points().map(|(t, v)| (t, v * factor)).collect() };
@@ -250,7 +250,7 @@ fn whiteness_table(page: &mut Document, comparison: &Comparison) {
     );
 }
 
-fn periodograms(comparison: &Comparison) -> Figure {
+pub(super) fn periodograms(comparison: &Comparison) -> Figure {
     let gyro = || comparison.whiteness.iter().filter(|w| w.channel.starts_with("gyro"));
     let curves = gyro().filter_map(|w| {
         let p = w.periodogram.as_ref()?;

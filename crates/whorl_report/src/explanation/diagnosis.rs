@@ -64,7 +64,7 @@ fn slow_residual(page: &mut Document, diagnosis: &Diagnosis) {
 }
 
 /// A figure for each axis with a visible torque, the largest first.
-fn unexplained(torque: &UnexplainedTorque) -> Vec<Figure> {
+pub(super) fn unexplained(torque: &UnexplainedTorque) -> Vec<Figure> {
     let size = |r: &UnexplainedTorques, i: usize| {
         r.states.iter().map(|state| state.torque_b_n_m[i].powi(2)).sum::<f64>()
     };

@@ -54,7 +54,7 @@ pub fn discovery_html(found: &Discovery, answer: &[String], about: &Facts) -> St
     page.finish()
 }
 
-fn figure(drawn: &Drawn) -> Figure {
+pub(super) fn figure(drawn: &Drawn) -> Figure {
     let curve = |name: &str, of: &dyn Fn(&whorl_identification::DrawnPoint) -> Option<f64>| {
         Curve::new(name, drawn.points.iter().filter_map(|p| Some((p.at, 1e3 * of(p)?))))
     };

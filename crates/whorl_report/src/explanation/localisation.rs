@@ -11,6 +11,9 @@ use crate::series::Curve;
 
 /// Quantities whose curves are drawn.
 const DRAWN: usize = 4;
+/// Of the excess: what explains less is not drawn.
+const LEAST_SHARE: f64 = 0.05;
+const OF_BODY: &str = "Unexplained torque";
 
 /// The page as one self-contained HTML document.
 #[must_use]
@@ -57,26 +60,35 @@ fn section(page: &mut Document, run: &Localisation) {
     );
     if let Some(found) = &run.dependences {
         table(page, found);
-        found
-            .ranked
-            .iter()
-            .take(DRAWN)
-            .filter(|d| d.share > 0.05)
-            .for_each(|d| page.figure(&shape(d, "Unexplained torque"), None));
+        drawn(found, OF_BODY).iter().for_each(|figure| page.figure(figure, None));
     }
     for motor in &run.motors {
         if let Some(found) = &motor.dependences {
             page.heading(&format!("{}: motor of {}", run.run, motor.wheel));
             table(page, found);
-            let title = format!("Unexplained torque of {}'s motor", motor.wheel);
-            found
-                .ranked
-                .iter()
-                .take(DRAWN)
-                .filter(|d| d.share > 0.05)
-                .for_each(|d| page.figure(&shape(d, &title), None));
+            drawn(found, &of_motor(&motor.wheel)).iter().for_each(|figure| page.figure(figure, None));
         }
     }
+}
+
+fn of_motor(wheel: &str) -> String {
+    format!("Unexplained torque of {wheel}'s motor")
+}
+
+/// The torque over the quantities that explain most of it.
+fn drawn(found: &Dependences, title: &str) -> Vec<Figure> {
+    let told = found.ranked.iter().take(DRAWN).filter(|d| d.share > LEAST_SHARE);
+    told.map(|d| shape(d, title)).collect()
+}
+
+/// The same of body and motors.
+pub(super) fn shapes(run: &Localisation) -> Vec<Figure> {
+    let of_body = run.dependences.iter().flat_map(|found| drawn(found, OF_BODY));
+    let of_motors = run
+        .motors
+        .iter()
+        .flat_map(|motor| motor.dependences.iter().flat_map(|found| drawn(found, &of_motor(&motor.wheel))));
+    of_body.chain(of_motors).collect()
 }
 
 fn table(page: &mut Document, found: &Dependences) {
@@ -147,7 +159,7 @@ fn shape(d: &Dependence, title: &str) -> Figure {
 }
 
 /// The torques over time: on the body in both frames, and of the motors; those that there are.
-fn over_time(torques: &UnexplainedTorques, wheels: &[&str]) -> Vec<Figure> {
+pub(super) fn over_time(torques: &UnexplainedTorques, wheels: &[&str]) -> Vec<Figure> {
     let mut figures = Vec::new();
     if torques.levels.body_stddev_b_n_m().iter().any(|level| *level > 0.0) {
         figures.extend([Frame::Body, Frame::World].map(|frame| body_over_time(torques, frame)));

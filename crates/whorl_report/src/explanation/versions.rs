@@ -86,7 +86,7 @@ fn channel_table(page: &mut Document, versions: &[Version]) {
 }
 
 /// Error over horizon of the gyro's worst axis, one curve for each version.
-fn over_horizon(versions: &[Version], run: usize, name: &str) -> Figure {
+pub(super) fn over_horizon(versions: &[Version], run: usize, name: &str) -> Figure {
     let curves = versions.iter().filter_map(|version| {
         let comparison = &version.runs.get(run)?.comparison;
         let gyro = comparison.channels.iter().filter(|c| c.name.starts_with("gyro"));

@@ -29,12 +29,14 @@ pub struct Place {
 
 impl Places {
     /// All are free.
+    #[must_use]
     pub fn new(most: usize) -> Arc<Self> {
         Arc::new(Self { most, taken: Mutex::default() })
     }
 
     /// Takes a place. Where all are taken whoever was silent longest leaves, but for an operator only another operator. `None`
     /// for a stranger where all others are operators.
+    #[must_use]
     pub fn take(self: &Arc<Self>, operator: bool) -> Option<Place> {
         let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
         if taken.len() >= self.most {

@@ -1,5 +1,5 @@
-//! The door of the live page: what a stranger may send, and for how long, before anything is read of it, and how many may stand
-//! in it. The page has a limit on its memory; without these bounds a thousand half requests end it.
+//! The door of a page: what a stranger may send, and for how long, before anything is read of it, and how many may stand
+//! in it. Without these bounds a thousand half requests would take all memory that a page may have.
 
 use std::io::{self, ErrorKind};
 use std::pin::Pin;
@@ -44,19 +44,23 @@ const STAGES: [Stage; 4] = [Stage::Silent, Stage::Asks, Stage::Operator, Stage::
 
 /// A connection, as the server's handlers know it.
 #[derive(Debug, Clone)]
-pub struct Visitor(Arc<AtomicU8>);
+pub struct Visitor {
+    stage: Arc<AtomicU8>,
+    /// Bytes that a request with the token may have.
+    largest: usize,
+}
 
 impl Visitor {
-    fn new() -> Self {
-        Self(Arc::new(AtomicU8::new(Stage::Silent as u8)))
+    fn new(largest: usize) -> Self {
+        Self { stage: Arc::new(AtomicU8::new(Stage::Silent as u8)), largest }
     }
 
     fn stage(&self) -> Stage {
-        STAGES.get(usize::from(self.0.load(Ordering::Relaxed))).copied().unwrap_or(Stage::Silent)
+        STAGES.get(usize::from(self.stage.load(Ordering::Relaxed))).copied().unwrap_or(Stage::Silent)
     }
 
     fn is_at(&self, stage: Stage) {
-        self.0.fetch_max(stage as u8, Ordering::Relaxed);
+        self.stage.fetch_max(stage as u8, Ordering::Relaxed);
     }
 
     /// The head of its request is there.
@@ -80,7 +84,11 @@ impl Visitor {
 
     /// Whether it may have sent so many bytes.
     fn may_have_sent(&self, bytes: usize) -> bool {
-        self.stage() == Stage::Upgraded || bytes <= LARGEST
+        match self.stage() {
+            Stage::Silent | Stage::Asks => bytes <= LARGEST,
+            Stage::Operator => bytes <= self.largest.saturating_add(LARGEST),
+            Stage::Upgraded => true,
+        }
     }
 }
 
@@ -90,7 +98,7 @@ struct Inside(Vec<(Visitor, oneshot::Sender<()>)>);
 
 impl Inside {
     /// Lets another one in. Where all places are taken whoever has come the least far leaves, of those the one that came first.
-    fn enter(&mut self) -> (Visitor, oneshot::Receiver<()>) {
+    fn enter(&mut self, largest: usize) -> (Visitor, oneshot::Receiver<()>) {
         self.0.retain(|(_, leave)| !leave.is_closed());
         if self.0.len() >= MOST
             && let Some((index, _)) =
@@ -100,21 +108,25 @@ impl Inside {
             let _ = leave.send(());
         }
         let (leave, sent_away) = oneshot::channel();
-        let visitor = Visitor::new();
+        let visitor = Visitor::new(largest);
         self.0.push((visitor.clone(), leave));
         (visitor, sent_away)
     }
 }
 
 /// A listener whose connections have bounds.
+#[derive(Debug)]
 pub struct Door {
     listener: TcpListener,
     inside: Mutex<Inside>,
+    largest: usize,
 }
 
 impl Door {
-    pub fn new(listener: TcpListener) -> Self {
-        Self { listener, inside: Mutex::default() }
+    /// Requests with the token may have a body of so many bytes; others have none to speak of.
+    #[must_use]
+    pub fn new(listener: TcpListener, largest: usize) -> Self {
+        Self { listener, inside: Mutex::default(), largest }
     }
 }
 
@@ -126,8 +138,8 @@ impl Listener for Door {
         loop {
             match self.listener.accept().await {
                 Ok((stream, _)) => {
-                    let (visitor, sent_away) =
-                        self.inside.get_mut().unwrap_or_else(PoisonError::into_inner).enter();
+                    let inside = self.inside.get_mut().unwrap_or_else(PoisonError::into_inner);
+                    let (visitor, sent_away) = inside.enter(self.largest);
                     return (Guarded::new(stream, visitor.clone(), sent_away), visitor);
                 }
                 // The stranger has gone already, or there is no file for it.
@@ -148,6 +160,7 @@ impl Connected<IncomingStream<'_, Door>> for Visitor {
 }
 
 /// A connection that ends when its time is over, when it sends too much, and when it is sent away.
+#[derive(Debug)]
 pub struct Guarded {
     stream: TcpStream,
     visitor: Visitor,
@@ -223,14 +236,14 @@ mod tests {
     #[test]
     fn silent_strangers_make_place_and_who_asks_is_answered() {
         let mut inside = Inside::default();
-        let (operator, mut of_operator) = inside.enter();
+        let (operator, mut of_operator) = inside.enter(0);
         operator.asks(true);
-        let (browser, mut of_browser) = inside.enter();
+        let (browser, mut of_browser) = inside.enter(0);
         browser.asks(false);
-        let (socket, mut of_socket) = inside.enter();
+        let (socket, mut of_socket) = inside.enter(0);
         socket.upgraded();
         // Ten thousand who send nothing: there are never more than there are places, and the first of them go first.
-        let mut strangers: Vec<_> = (0..10_000).map(|_| inside.enter()).collect();
+        let mut strangers: Vec<_> = (0..10_000).map(|_| inside.enter(0)).collect();
         assert_eq!(inside.0.len(), MOST);
         let stay = strangers.iter_mut().map(|(_, sent_away)| sent_away.try_recv().is_err());
         let stay: Vec<bool> = stay.collect();
@@ -239,7 +252,7 @@ mod tests {
         // As many who ask: those who ask with the token stay.
         let asking: Vec<_> = (0..10_000)
             .map(|_| {
-                let (visitor, sent_away) = inside.enter();
+                let (visitor, sent_away) = inside.enter(0);
                 visitor.asks(false);
                 (visitor, sent_away)
             })
@@ -247,19 +260,22 @@ mod tests {
         assert!(of_operator.try_recv().is_err() && of_socket.try_recv().is_err());
         assert!(of_browser.try_recv().is_ok(), "it came first");
         drop((strangers, asking));
-        inside.enter();
+        inside.enter(0);
         assert_eq!(inside.0.len(), 3, "who has gone takes no place");
     }
 
     #[test]
     fn heads_are_small_and_come_soon() {
         let begin = Instant::now();
-        let visitor = Visitor::new();
+        let visitor = Visitor::new(1 << 20);
         assert_eq!(visitor.deadline(begin), Some(begin + HEAD));
         assert!(visitor.may_have_sent(LARGEST) && !visitor.may_have_sent(LARGEST + 1));
         visitor.asks(false);
         assert_eq!(visitor.deadline(begin), Some(begin + REQUEST));
         assert!(!visitor.may_have_sent(LARGEST + 1));
+        let operator = Visitor::new(1 << 20);
+        operator.asks(true);
+        assert!(operator.may_have_sent(1 << 20) && !operator.may_have_sent((1 << 20) + LARGEST + 1));
         visitor.upgraded();
         visitor.asks(false);
         assert_eq!((visitor.deadline(begin), visitor.may_have_sent(usize::MAX)), (None, true));
