@@ -43,7 +43,7 @@ pub use error::DiagnosisError;
 pub use finding::{DataError, Finding};
 pub use fitting::refit::{Fit, FittedParameter};
 pub use fitting::ties::Tie;
-pub use fitting::{Direction, Directions, Fitter, Measured, Suspect, directions, fit};
+pub use fitting::{Fitter, fit};
 pub use identification::{
     Determined, Identification, IdentifiedParameter, UpdateError, identify, predict, usable_readings,
 };

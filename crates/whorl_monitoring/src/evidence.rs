@@ -1,11 +1,11 @@
 //! The running evidence that the model has stopped being right, and which effect explains it best.
 //!
-//! While the model is right, the whitened innovations y are independent with unit variance. If effect E with values phi
-//! has begun at a start s, they have the mean X phi, X being the sensitivities passed through the filter from s on. With
-//! phi ~ N(0, V) the likelihood ratio is
+//! While the model is right, innovations e over their deviations are independent with unit variance. If effect E with values phi
+//! has begun at a start s, they have the mean -(de/dphi) phi. With phi ~ N(0, V) and what windows say of phi, G and g, with the platform's
+//! constants integrated out (`sums.rs`), the likelihood ratio is
 //!
 //! ```text
-//! ln B = -1/2 ln |I + V^1/2 A V^1/2| + 1/2 z^T V^1/2 (I + V^1/2 A V^1/2)^-1 V^1/2 z,    A = sum X^T X,  z = sum X^T y
+//! ln B = -1/2 ln |I + V^1/2 G V^1/2| + 1/2 q,    q = g^T V^1/2 (I + V^1/2 G V^1/2)^-1 V^1/2 g
 //! ```
 //!
 //! exact for the linear filter, and with mean one while the model is right. So is any average of such ratios: over the
@@ -13,54 +13,46 @@
 //!
 //! No filter is tuned quite rightly: noise and background torque are stated as what they are at most, and where they are smaller
 //! innovations follow a little from what was corrected before. Such a fault never grows, but its evidence does, with time
-//! alone. So the model counts as right while every whitened reading is off by at most eps standard deviations, however
-//! chosen ([`Settings::systematic_sigma`]). A likelihood ratio exp(phi^T z - phi^T A phi / 2) then grows by
-//! exp(eps sum |X phi|) at most, and is divided by that: its mean is again at most one. For one column that takes
-//! eps sum |X| off |z|. For several the sum is taken as sqrt(n phi^T A phi), n = (sum |X_k|)^2 / A_kk being over how many readings the
-//! column that is spread most is spread: what is left of q = z^T V^1/2 (I + V^1/2 A V^1/2)^-1 V^1/2 z is (sqrt q - eps sqrt n)^2.
+//! alone. So the model counts as right while every innovation is off by at most eps deviations, however
+//! chosen ([`Settings::systematic_sigma`]). A likelihood ratio exp(phi^T g - phi^T G phi / 2) then grows by
+//! exp(eps sum |d phi|) at most, and is divided by that: its mean is again at most one. For one column d that takes
+//! eps sum |d| off |g|. For several the sum is taken as sqrt(n phi^T G phi), n = (sum |d_k|)^2 / G_kk being over how many readings the
+//! column that is spread most is spread: what is left of q is (sqrt q - eps sqrt n)^2.
 //!
 //! What no rig can have (friction that drives, more than a tank holds) is no explanation: a ratio counts as far as its
 //! estimate lies in the ranges of the catalogue's parameters (`ratio.rs`).
 //!
-//! What is wrong from the first bin on is learned by the filter as far as the priors of the platform's constants allow, and
-//! what they do not allow is evidence: against a constant that is several times further off than its prior says. It is
-//! evaluated from the first start on, which is never left out, and with a head start ([`Settings::head_start`]).
+//! What is wrong from the first cell on is learned as far as the priors of the platform's constants allow, and what they do not allow is
+//! evidence: against a constant that is several times further off than its prior says. It is evaluated as long as the monitor runs,
+//! and with a head start ([`Settings::head_start`]).
 
-use nalgebra::DMatrix;
-use whorl_dynamics::effects;
-use whorl_identification::{Direction, Directions};
+use nalgebra::Vector3;
+use whorl_dynamics::gyrostat::MAX_WHEELS;
+use whorl_prediction::{Difference, Window};
 
 use crate::Settings;
-use crate::filter::{Whitened, torque_rates};
-use crate::lanes::Changes;
-use crate::passing::{self, Carried, Columns};
-use crate::places::Places;
-use crate::ratio::{Estimate, MOST_DIRECTIONS, Suspect, estimate, ln_ratio};
+use crate::directions::Directions;
+use crate::ratio::{Estimate, Suspect, estimate, ln_ratio};
+use crate::sums::{Constants, Marginal, Sums};
 
 /// Prior sizes of an effect over the catalogue's, each as likely: those of the diagnosis that a run of minutes can tell.
 const SIZES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
 /// The same of a constant that was wrong from the start on, over what the model's prior says of it: less is no error.
 const SIZES_FROM_START: [f64; 2] = [4.0, 8.0];
-/// Starts that are followed at once, beside the first of all.
+/// Starts that are followed at once; of which only the newest are evaluated at the end of every window, and all at every so many: what
+/// began long ago has waited already. Leaving off looking, by a rule that no reading changes, keeps the mean of a ratio.
 const STARTS: usize = 5;
+const NEWEST: usize = 2;
+const OLD_EVERY: usize = 4;
 /// Usual size of an unmodelled torque, over the background.
 const UNMODELLED: f64 = 10.0;
 
 /// The name of a torque that no effect of the catalogue explains.
 pub const UNKNOWN_TORQUE: &str = "unknown_torque";
 
-/// What was gathered since one start.
-#[derive(Debug, Clone)]
-struct Start {
-    at_ns: i64,
-    /// The first of all, which is never left out while constants that are wrong from the start are looked for.
-    keeps: bool,
-    carried: Carried,
-}
-
 /// A suspect and how much speaks for it since one start.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Evaluated {
+pub(crate) struct Evaluated {
     /// The effect.
     pub effect: &'static str,
     /// Share of all evidence against the model.
@@ -79,222 +71,222 @@ pub struct Evaluated {
 
 /// The running evidence.
 #[derive(Debug, Clone)]
-pub struct Evidence {
+pub(crate) struct Evidence {
     effects: Vec<&'static str>,
+    /// Those of breaks, and constants that are wrong from the start on.
     suspects: Vec<Suspect>,
-    /// Direction of each column that is followed; the last three are unmodelled torques.
-    followed: Vec<usize>,
+    from_start: Vec<Suspect>,
+    parameters: usize,
     unmodelled_n_m: f64,
-    systematic_sigma: f64,
-    torque_rates: DMatrix<f64>,
-    starts: Vec<Start>,
-    every_ns: i64,
-    memory_ns: i64,
-    next_start_ns: Option<i64>,
-    length: usize,
+    settings: Settings,
+    constants: Constants,
+    first_ns: Option<i64>,
+    starts: Vec<(i64, Sums)>,
+    next_start_ns: i64,
+    states: usize,
     /// Pairs of columns whose products are summed.
-    products: Vec<(usize, usize)>,
-    columns: Columns,
+    pairs: Vec<(usize, usize)>,
+    /// What was found of each start, and of the constants alone.
+    found: Vec<Found>,
+    alone: Option<Found>,
+    windows: usize,
+}
+
+/// What was found of a start at the end of a window, and ln of how much speaks for a break there.
+#[derive(Debug, Clone)]
+struct Found {
+    at_ns: i64,
+    sums: Marginal,
+    ln: f64,
 }
 
 impl Evidence {
-    /// Before the first bin.
+    /// Before the first window, of a filter with so many states.
     #[must_use]
-    pub fn new(all: &Directions, places: &Places, settings: &Settings) -> Self {
+    pub fn new(all: &Directions, states: usize, settings: &Settings) -> Self {
         let mut effects: Vec<&'static str> = Vec::new();
-        let mut followed: Vec<usize> = Vec::new();
-        let mut suspects = Vec::new();
-        for suspect in all.suspects.iter().filter(|s| s.directions.len() <= MOST_DIRECTIONS) {
-            let effect = effects.iter().position(|id| *id == suspect.effect).unwrap_or_else(|| {
-                effects.push(suspect.effect);
+        let mut ways: Vec<(usize, Vec<usize>)> = Vec::new();
+        for (id, way) in &all.ways {
+            let effect = effects.iter().position(|known| known == id).unwrap_or_else(|| {
+                effects.push(*id);
                 effects.len() - 1
             });
-            let columns: Vec<usize> = suspect
-                .directions
-                .iter()
-                .map(|direction| {
-                    followed.iter().position(|f| f == direction).unwrap_or_else(|| {
-                        followed.push(*direction);
-                        followed.len() - 1
-                    })
-                })
-                .collect();
-            let stddev = suspect.directions.iter().map(|d| all.directions[*d].catalogue_stddev).collect();
-            suspects.push(Suspect {
-                effect,
-                columns,
-                products: Vec::new(),
-                stddev,
-                range: suspect.directions.iter().map(|d| range(all, &all.directions[*d])).collect(),
-                sizes: &SIZES,
-                from_start: false,
-                ln_prior: 0.0,
-            });
+            ways.push((effect, way.clone()));
         }
         // An unmodelled torque is as likely as any effect.
-        let first = followed.len();
-        let columns: Vec<usize> = (first..first + 3).collect();
-        suspects.push(Suspect {
-            effect: effects.len(),
-            columns,
-            products: Vec::new(),
-            stddev: vec![1.0; 3],
-            range: vec![ANY; 3],
-            sizes: &SIZES,
-            from_start: false,
-            ln_prior: 0.0,
-        });
+        let first = all.all.len();
+        ways.push((effects.len(), (first..first + 3).collect()));
         effects.push(UNKNOWN_TORQUE);
-        let ways = |effect: usize| suspects.iter().filter(|s| s.effect == effect).count() as f64;
-        let priors: Vec<f64> =
-            suspects.iter().map(|s| -(effects.len() as f64 * ways(s.effect)).ln()).collect();
-        for (suspect, ln_prior) in suspects.iter_mut().zip(priors) {
-            suspect.ln_prior = ln_prior;
-        }
-        suspects.extend(wrong_from_start(all, &suspects, &followed, settings.head_start()));
-        // Suspects share columns, so they share products of them.
-        let mut products: Vec<(usize, usize)> = Vec::new();
-        for suspect in &mut suspects {
-            for (k, b) in suspect.columns.iter().enumerate() {
-                for a in suspect.columns.iter().take(k + 1) {
-                    let place = products.iter().position(|pair| *pair == (*a, *b)).unwrap_or_else(|| {
-                        products.push((*a, *b));
-                        products.len() - 1
+        let mut pairs: Vec<(usize, usize)> = Vec::new();
+        let mut suspect = |(effect, columns): &(usize, Vec<usize>)| {
+            let mut products = Vec::new();
+            for (k, b) in columns.iter().enumerate() {
+                for a in columns.iter().take(k + 1) {
+                    let place = pairs.iter().position(|pair| pair == &(*a, *b)).unwrap_or_else(|| {
+                        pairs.push((*a, *b));
+                        pairs.len() - 1
                     });
-                    suspect.products.push(place);
+                    products.push(place);
                 }
             }
-        }
+            let of_effect = ways.iter().filter(|(other, _)| other == effect).count();
+            Suspect {
+                effect: *effect,
+                columns: columns.clone(),
+                products,
+                stddev: columns.iter().map(|k| all.all.get(*k).map_or(1.0, |d| d.stddev)).collect(),
+                range: columns.iter().map(|k| all.all.get(*k).map_or(ANY, |d| d.range)).collect(),
+                sizes: &SIZES,
+                ln_prior: -((effects.len() * of_effect) as f64).ln(),
+            }
+        };
+        let suspects: Vec<Suspect> = ways.iter().map(&mut suspect).collect();
         Self {
+            from_start: wrong_from_start(&suspects, all.constants, settings.head_start()),
+            parameters: first + 3,
             unmodelled_n_m: UNMODELLED * settings.background_torque_n_m,
-            systematic_sigma: settings.systematic_sigma,
-            torque_rates: torque_rates(&all.base, places),
+            settings: settings.clone(),
+            constants: Constants::new(states, all.constants),
+            first_ns: None,
             starts: Vec::new(),
-            every_ns: ns(settings.start_every_s),
-            memory_ns: ns(settings.memory_s),
-            next_start_ns: None,
-            length: places.len(),
-            products,
-            columns: Columns::default(),
+            next_start_ns: i64::MIN,
+            states,
+            found: Vec::new(),
+            alone: None,
+            windows: 0,
             effects,
             suspects,
-            followed,
+            pairs,
         }
     }
 
-    fn columns(&self) -> usize {
-        self.followed.len() + 3
+    /// Pairs of parameters of which what they do together is needed.
+    pub fn pairs(&self) -> &[(usize, usize)] {
+        &self.pairs
     }
 
-    /// Follows a new start where one is due at the beginning of a bin.
+    /// What an unmodelled torque does, about each axis.
+    pub fn unmodelled(&self) -> [Difference; 3] {
+        [0, 1, 2].map(|axis| Difference::Torque(Vector3::ith(axis, self.unmodelled_n_m), [0.0; MAX_WHEELS]))
+    }
+
+    /// What is known of the platform's constants.
+    pub fn constants(&self) -> &Constants {
+        &self.constants
+    }
+
+    /// Follows a new start where one is due at the beginning of a window.
     pub fn begin(&mut self, at_ns: i64) {
-        let first = self.next_start_ns.is_none();
-        let due = *self.next_start_ns.get_or_insert(at_ns);
-        if at_ns < due {
+        self.first_ns.get_or_insert(at_ns);
+        if at_ns < self.next_start_ns {
             return;
         }
-        self.next_start_ns = Some(due + self.every_ns * ((at_ns - due) / self.every_ns.max(1) + 1));
-        self.starts.retain(|start| start.keeps || at_ns - start.at_ns < self.memory_ns);
-        let keeps = first && self.suspects.iter().any(|suspect| suspect.from_start);
-        let carried = Carried::new(self.length, self.columns(), self.products.len());
-        self.starts.push(Start { at_ns, keeps, carried });
+        let (every_ns, memory_ns) = (ns(self.settings.start_every_s), ns(self.settings.memory_s));
+        self.next_start_ns = at_ns + every_ns;
+        self.starts.retain(|(start_ns, _)| at_ns - start_ns < memory_ns);
+        let constants = self.constants.of_state().ncols();
+        self.starts.push((at_ns, Sums::none(self.states, constants, self.parameters, self.pairs.len())));
         // Old starts grow sparse: what began long ago is not dated to the second. Leaving starts out only lowers the sum.
-        let from = usize::from(self.starts.first().is_some_and(|start| start.keeps));
-        while self.starts.len() > STARTS + from {
-            let age = |k: usize| (at_ns - self.starts[k].at_ns) as f64 + self.every_ns as f64;
+        while self.starts.len() > STARTS {
+            let age = |k: usize| (at_ns - self.starts[k].0 + every_ns) as f64;
             let gap = |k: usize| age(k - 1) / age(k + 1);
-            let inner = from + 1..self.starts.len() - 1;
+            let inner = 1..self.starts.len() - 1;
             let Some(k) = inner.min_by(|a, b| gap(*a).total_cmp(&gap(*b))) else { break };
             self.starts.remove(k);
         }
     }
 
-    /// The motion is unknown after a gap: so is what an effect has made of it.
-    pub fn forget_motion(&mut self, motion: usize) {
-        for start in &mut self.starts {
-            start.carried.forget(motion);
+    /// Takes a window of this length \[s\].
+    pub fn add(&mut self, window: &Window, length_s: f64) {
+        let share = (-length_s / self.settings.constants_time_s).exp();
+        for (_, sums) in &mut self.starts {
+            sums.add(window, self.constants.of_state(), &self.pairs, share);
+        }
+        self.constants.add(window, share);
+        let whole = self.windows.is_multiple_of(OLD_EVERY);
+        self.windows += 1;
+        let old = self.starts.len().saturating_sub(NEWEST);
+        let mut found = Vec::with_capacity(self.starts.len());
+        for (i, (at_ns, sums)) in self.starts.iter().enumerate() {
+            let before = self.found.iter().find(|found| found.at_ns == *at_ns).filter(|_| i < old && !whole);
+            found.push(before.cloned().unwrap_or_else(|| {
+                self.found(&self.suspects, *at_ns, sums.without(&self.constants, &self.pairs))
+            }));
+        }
+        self.found = found;
+        if let Some(at_ns) = self.first_ns.filter(|_| whole && !self.from_start.is_empty()) {
+            self.alone = Some(self.found(&self.from_start, at_ns, self.constants.alone()));
         }
     }
 
-    /// Nothing is suspected any more.
+    fn found(&self, suspects: &[Suspect], at_ns: i64, sums: Marginal) -> Found {
+        let terms: Vec<f64> = suspects.iter().map(|suspect| self.ln_term(suspect, &sums)).collect();
+        Found { at_ns, sums, ln: ln_sum(terms.into_iter()) }
+    }
+
+    /// The motion is unknown after a gap: so is what an effect has made of it.
+    pub fn forget_motion(&mut self, motion: usize) {
+        self.starts.iter_mut().for_each(|(_, sums)| sums.forget_motion(motion));
+        self.constants.forget_motion(motion);
+    }
+
+    /// Nothing is suspected any more, and of the platform's constants nothing is known but their priors.
     pub fn clear(&mut self) {
-        self.starts.clear();
-        self.next_start_ns = None;
+        let constants = self.constants.of_state().ncols();
+        self.constants = Constants::new(self.states, constants);
+        (self.starts, self.found, self.alone) = (Vec::new(), Vec::new(), None);
+        (self.next_start_ns, self.first_ns, self.windows) = (i64::MIN, None, 0);
     }
 
-    /// Takes a bin.
-    pub fn add(&mut self, whitened: &Whitened, changes: &Changes, places: &Places) {
-        let torque = &self.torque_rates * self.unmodelled_n_m;
-        let named = self.followed.len();
-        let rate = |row: usize, column: usize| match self.followed.get(column) {
-            Some(direction) => changes.rates[(row, *direction)],
-            None if column < named + 3 => torque[(row, column - named)],
-            None => 0.0,
-        };
-        let reading = |reading: usize, column: usize| match self.followed.get(column) {
-            Some(direction) if reading < 3 => changes.readings[(reading, *direction)],
-            _ => 0.0,
-        };
-        self.columns.load(whitened, places.motion(), named + 3, rate, reading);
-        let left = passing::Left {
-            torque: (places.torque()..places.first_constant(), whitened.torque_left),
-            constants: (places.first_constant()..places.len(), whitened.constants_left),
-        };
-        let carried = self.starts.iter_mut().map(|start| &mut start.carried);
-        passing::pass(carried, &self.columns, &left, &self.products);
+    /// ln of the prior times the likelihood ratio of a suspect, over all sizes.
+    fn ln_term(&self, suspect: &Suspect, sums: &Marginal) -> f64 {
+        let ratio = |size: &f64| ln_ratio(suspect, sums, *size, self.settings.systematic_sigma);
+        suspect.ln_prior + ln_sum(suspect.sizes.iter().map(ratio)) - (suspect.sizes.len() as f64).ln()
     }
 
-    /// ln of the prior times the likelihood ratio of each suspect since each start, over all sizes.
-    fn terms(&self) -> impl Iterator<Item = (f64, &Suspect, &Start)> + Clone {
-        let of = |start| self.suspects.iter().map(move |suspect: &Suspect| (suspect, start));
-        let told = |(suspect, start): (&'_ Suspect, &'_ Start)| !suspect.from_start || start.keeps;
-        self.starts.iter().flat_map(of).filter(move |both| told(*both)).map(|(suspect, start)| {
-            let ratio = |size: &f64| ln_ratio(suspect, &start.carried, *size, self.systematic_sigma);
-            let ratios = suspect.sizes.iter().map(ratio);
-            (suspect.ln_prior + ln_sum(ratios) - (suspect.sizes.len() as f64).ln(), suspect, start)
-        })
+    /// All suspects since each start.
+    fn terms(&self) -> impl Iterator<Item = (f64, &Suspect, i64, &Marginal)> {
+        let breaks = self.found.iter().map(|found| (&self.suspects, found));
+        let all = breaks.chain(self.alone.iter().map(|found| (&self.from_start, found)));
+        all.flat_map(|(suspects, found)| suspects.iter().map(move |suspect| (suspect, found)))
+            .map(|(suspect, found)| (self.ln_term(suspect, &found.sums), suspect, found.at_ns, &found.sums))
     }
 
     /// ln of the sum over starts of the mean likelihood ratios over suspects \[nats\]; minus infinity without any.
     #[must_use]
     pub fn ln_evidence(&self) -> f64 {
-        ln_sum(self.terms().map(|(ln, ..)| ln).collect::<Vec<_>>().into_iter())
+        ln_sum(self.found.iter().chain(&self.alone).map(|found| found.ln))
     }
 
     /// The effects by how much speaks for them, the likeliest first.
     #[must_use]
     pub fn evaluated(&self) -> Vec<Evaluated> {
-        let total = self.ln_evidence();
-        let mut best: Vec<Option<(f64, &Suspect, &Start)>> = vec![None; self.effects.len()];
-        let mut share = vec![0.0; self.effects.len()];
-        for (ln, suspect, start) in self.terms() {
-            share[suspect.effect] += (ln - total).exp();
-            let slot = &mut best[suspect.effect];
-            if slot.as_ref().is_none_or(|(so_far, ..)| ln > *so_far) {
-                *slot = Some((ln, suspect, start));
+        let mut best: Vec<Option<(f64, &Suspect, i64, &Marginal)>> = vec![None; self.effects.len()];
+        let (mut share, total) = (vec![0.0; self.effects.len()], self.ln_evidence());
+        for term in self.terms() {
+            let (ln, Suspect { effect, .. }, ..) = term;
+            share[*effect] += (ln - total).exp();
+            let slot = &mut best[*effect];
+            if slot.is_none_or(|(so_far, ..)| ln > so_far) {
+                *slot = Some(term);
             }
         }
-        let mut evaluated: Vec<Evaluated> = best
-            .iter()
-            .zip(&share)
-            .zip(&self.effects)
-            .filter_map(|((best, probability), effect)| {
-                let (_, suspect, start) = best.as_ref()?;
-                let unmodelled = *effect == UNKNOWN_TORQUE;
-                let unit = if unmodelled { self.unmodelled_n_m } else { 1.0 };
-                let Estimate { values, stddevs, is_beyond } = estimate(suspect, &start.carried, unit)?;
-                let direction = |column: &usize| self.followed.get(*column).copied();
-                Some(Evaluated {
-                    effect,
-                    probability: *probability,
-                    directions: suspect.columns.iter().filter_map(direction).collect(),
-                    estimate: values,
-                    stddev: stddevs,
-                    is_beyond,
-                    since_ns: start.at_ns,
-                })
+        let of = best.iter().zip(&share).zip(&self.effects);
+        let evaluated = of.filter_map(|((best, probability), effect)| {
+            let (_, suspect, since_ns, sums) = (*best)?;
+            let unit = if *effect == UNKNOWN_TORQUE { self.unmodelled_n_m } else { 1.0 };
+            let Estimate { values, stddevs, is_beyond } = estimate(suspect, sums, unit)?;
+            Some(Evaluated {
+                effect,
+                probability: *probability,
+                directions: suspect.columns.clone(),
+                estimate: values,
+                stddev: stddevs,
+                is_beyond,
+                since_ns,
             })
-            .collect();
+        });
+        let mut evaluated: Vec<Evaluated> = evaluated.collect();
         evaluated.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         evaluated
     }
@@ -302,59 +294,18 @@ impl Evidence {
 
 /// What no direction is kept from.
 const ANY: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
-/// A moment of inertia is at least this share of the model's, and at most so many times it: as for the diagnosis.
-const MOMENTS: (f64, f64) = (0.2, 11.0);
-
-/// Units of a direction that a rig can have.
-fn range(all: &Directions, direction: &Direction) -> (f64, f64) {
-    let units = |value: f64| (value - direction.origin) / direction.scale;
-    let (min, max) = match effects::find(direction.effect) {
-        // Directions in which an effect begins may move several parameters: these have names of their own.
-        Some(effect) => {
-            let specs = effect.parameters(all.base.model());
-            let Some(spec) = specs.into_iter().find(|spec| spec.name == direction.parameter) else {
-                return ANY;
-            };
-            if spec.period.is_some() {
-                return ANY;
-            }
-            (spec.min, spec.max)
-        }
-        None if direction.origin > 0.0 => (MOMENTS.0 * direction.origin, MOMENTS.1 * direction.origin),
-        None => return ANY,
-    };
-    let (a, b) = (units(min), units(max));
-    if a.is_nan() || b.is_nan() { ANY } else { (a.min(b), a.max(b)) }
-}
-
 /// The platform's own constants, each alone, further off than their priors say: together as likely as breaks from so many
 /// starts on.
-fn wrong_from_start(all: &Directions, ways: &[Suspect], followed: &[usize], head_start: f64) -> Vec<Suspect> {
-    let single = |way: &&Suspect| {
-        let [column] = way.columns.as_slice() else { return None };
-        let stddev = all.directions.get(*followed.get(*column)?)?.base_stddev;
-        (stddev > 0.0).then_some((way.effect, *column, stddev, *way.range.first()?))
-    };
-    let mut found: Vec<_> = ways.iter().filter_map(|way| single(&way)).collect();
-    found.sort_by_key(|(_, column, ..)| *column);
-    found.dedup_by_key(|(_, column, ..)| *column);
-    if head_start <= 0.0 {
-        found.clear();
-    }
+fn wrong_from_start(ways: &[Suspect], constants: usize, head_start: f64) -> Vec<Suspect> {
+    let alone = |way: &&Suspect| matches!(way.columns.as_slice(), [column] if *column < constants);
+    let mut found: Vec<Suspect> = ways.iter().filter(alone).cloned().collect();
+    found.retain(|_| head_start > 0.0);
     let ln_prior = (head_start / found.len() as f64).ln();
+    for suspect in &mut found {
+        suspect.products.clone_from(&suspect.columns);
+        (suspect.stddev, suspect.sizes, suspect.ln_prior) = (vec![1.0], &SIZES_FROM_START, ln_prior);
+    }
     found
-        .into_iter()
-        .map(|(effect, column, stddev, range)| Suspect {
-            effect,
-            columns: vec![column],
-            products: Vec::new(),
-            stddev: vec![stddev],
-            range: vec![range],
-            sizes: &SIZES_FROM_START,
-            from_start: true,
-            ln_prior,
-        })
-        .collect()
 }
 
 fn ns(seconds: f64) -> i64 {

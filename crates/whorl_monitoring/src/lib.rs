@@ -1,36 +1,37 @@
 //! Whether a platform still moves as its model says, while it moves.
 //!
-//! A recursive form of the regression of `whorl_identification` (its METHOD.md), over gyro and wheel speeds:
+//! The filter of `whorl_prediction` (its METHOD.md), recursive, over gyro and wheel speeds:
 //!
-//! 1. Every bin (0.2 s) is predicted by the platform's own plant code with the torques and pulses that were carried out,
-//!    from the best estimate at its start; the attitude is the estimator's ([`predictor`]). It is predicted when everything
-//!    about it has arrived; where something is late for good, lost or in disorder the motion is found anew ([`Hole`]).
-//! 2. A Kalman filter over rate, wheel speeds, gyro bias, a slow background torque and the platform's own constants
-//!    (the base columns of the diagnosis, with their priors) turns prediction errors into innovations of unit variance,
-//!    y ([`filter`]). How noisy the motors are is learned in the first minute ([`motors`]).
-//! 3. The change of y per unit of every effect of the catalogue passes through the same gains, from each of several
-//!    starts on: x. Sums of x x^T and x y give the likelihood ratio of "this effect has begun there" against "the model
-//!    is right", with the effect's size integrated out over its prior ([`evidence`]).
-//! 4. The sum of these ratios over starts and effects is the running evidence. While the model is right its mean grows
+//! 1. The platform's own plant goes through every cell of time (0.2 s) with the torques and pulses that were carried out; the mean of the
+//!    readings less their predictions is a reading in its middle (`cells.rs`). The attitude is the estimator's. A cell is
+//!    compared when everything about it has arrived; where something is late for good, lost or in disorder the motion is found anew ([`Hole`]).
+//! 2. The predictor's gains over rate, wheel speeds, gyro bias and slow torques make innovations of it, and its columns how these change with
+//!    the platform's constants and with every effect of the catalogue (`directions.rs`, `watch.rs`). How noisy the motors are is
+//!    learned in the first minute (`motors.rs`).
+//! 3. Windows of some seconds give sums G = X^T X and g = X^T y, of which those since any earlier window follow; the platform's constants
+//!    are integrated out over their priors (`sums.rs`). They give the likelihood ratio of "this effect has begun there" against "the model is
+//!    right", with the effect's size integrated out over its prior (`ratio.rs`).
+//! 4. The sum of these ratios over starts and effects is the running evidence (`evidence.rs`). While the model is right its mean grows
 //!    with the number of starts alone, which bounds the rate of false alarms whatever is looked at and how often
 //!    ([`Settings::limit_nats`]).
 //!
 //! All is pure: time and data are arguments.
 
-pub mod evidence;
-pub mod filter;
+mod cells;
+mod directions;
+mod evidence;
 mod fit;
 mod gas;
-pub mod lanes;
 mod monitor;
-pub mod motors;
-mod passing;
-pub mod places;
-pub mod predictor;
+mod motors;
 mod ratio;
 mod settings;
 mod sources;
+mod sums;
+mod watch;
 
+pub use cells::Supplies;
+pub use evidence::UNKNOWN_TORQUE;
 pub use fit::{Fit, Likeliest, Parameter, State};
 pub use monitor::{Monitor, MonitorError};
 pub use settings::Settings;

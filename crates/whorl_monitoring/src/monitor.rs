@@ -7,26 +7,21 @@ use thiserror::Error;
 use whorl_dynamics::actuators::Kind;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_dynamics::platform::TiltLimit;
-use whorl_dynamics::{ModelPrior, PlatformModel};
-use whorl_identification::{Directions, Measured, directions};
+use whorl_dynamics::{GyrostatError, ModelPrior, PlantError, PlatformModel};
 
 use crate::Settings;
-use crate::evidence::{Evidence, UNKNOWN_TORQUE};
-use crate::filter::{Filter, turned};
+use crate::cells::{Driven, Input, Inputs, Supplies};
+use crate::evidence::UNKNOWN_TORQUE;
 use crate::fit::{Fit, Likeliest, Parameter, State};
 use crate::gas::Gas;
-use crate::lanes::Lanes;
-use crate::motors::MotorNoise;
-use crate::predictor::{Input, Predictor, Supplies};
 use crate::sources::{GAP_S, Hole, Source, Sources, WheelTorque};
+use crate::watch::Watch;
 
-/// A bin is predicted when all that comes regularly is known until this long after its end \[s\]: what comes seldom has
+/// A cell is compared when all that comes regularly is known until this long after its end \[s\]: what comes seldom has
 /// arrived by then.
 const SETTLED_S: f64 = 0.05;
 /// From the tilt stop the platform is watched at this distance only \[rad\]: what happens there is the stop's.
 const FROM_STOP_RAD: f64 = 0.005;
-/// Bins after a gap in which the motion is found, before anything is concluded.
-const SETTLING_BINS: u32 = 10;
 /// Data that wait at most; more is lost.
 const MOST_WAITING: usize = 4096;
 /// Sums of on-times are rounded to this \[s\].
@@ -37,7 +32,10 @@ const ROUNDED_S: f64 = 1e-6;
 pub enum MonitorError {
     /// Its model cannot be simulated.
     #[error(transparent)]
-    Model(#[from] whorl_identification::DiagnosisError),
+    Model(#[from] GyrostatError),
+    /// Its plant cannot be put into motion.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
     /// It has motors whose states the monitor does not follow.
     #[error("the model has motors of another kind ({what}): only wheels and jets are watched")]
     OtherActuators {
@@ -54,17 +52,12 @@ struct Valves {
 }
 
 /// The monitor of one platform.
-#[derive(Debug, Clone)]
 pub struct Monitor {
     model: PlatformModel,
     settings: Settings,
-    all: Directions,
-    lanes: Lanes,
-    filter: Filter,
-    motors: MotorNoise,
-    evidence: Evidence,
-    predictor: Option<Predictor>,
-    inputs: VecDeque<(i64, Input)>,
+    watch: Watch,
+    driven: Option<Driven>,
+    inputs: Inputs,
     attitudes: VecDeque<(i64, UnitQuaternion<f64>, Vector3<f64>)>,
     supplies: Supplies,
     gas: Gas,
@@ -74,9 +67,6 @@ pub struct Monitor {
     broken: bool,
     hole: Option<Hole>,
     holes: u64,
-    settling: u32,
-    squares: (f64, u32),
-    newest: Option<(i64, Vector3<f64>, Vec<f64>)>,
     alarmed: bool,
 }
 
@@ -91,25 +81,11 @@ impl Monitor {
                 return Err(MonitorError::OtherActuators { what: format!("{kind:?}") });
             }
         }
-        let measured = Measured {
-            wheel_torque: true,
-            temperature: false,
-            voltage: false,
-            bin_s: settings.bin_s,
-            largest_rate_rad_s: 0.1,
-            largest_tilt_rad: 0.1,
-        };
-        let all = directions(model, prior, &measured)?;
-        let filter = Filter::new(&all, settings);
         Ok(Self {
-            lanes: Lanes::new(&all),
-            evidence: Evidence::new(&all, &filter.places, settings),
-            motors: MotorNoise::new(&filter, settings.motor_noise_learned_s),
-            filter,
-            all,
+            watch: Watch::new(model, prior, settings)?,
             model: model.clone(),
             settings: settings.clone(),
-            predictor: None,
+            driven: None,
             inputs: VecDeque::new(),
             attitudes: VecDeque::new(),
             supplies: Supplies::default(),
@@ -120,19 +96,21 @@ impl Monitor {
             broken: true,
             hole: None,
             holes: 0,
-            settling: SETTLING_BINS,
-            squares: (0.0, 0),
-            newest: None,
             alarmed: false,
         })
+    }
+
+    /// End of the newest cell \[ns\].
+    fn now_ns(&self) -> Option<i64> {
+        self.driven.as_ref().filter(|_| !self.broken).map(|driven| driven.plant.now_ns())
     }
 
     fn push(&mut self, at_ns: i64, input: Input) {
         if self.inputs.len() >= MOST_WAITING {
             self.lose(Hole::TooMany);
         }
-        // Data come nearly in order. What belongs to a bin that has been predicted cannot be put right.
-        if self.predictor.as_ref().is_some_and(|predictor| !self.broken && at_ns < predictor.now_ns()) {
+        // Data come nearly in order. What belongs to a cell that has been compared cannot be put right.
+        if self.now_ns().is_some_and(|now_ns| at_ns < now_ns) {
             self.lose(Hole::Late);
             return;
         }
@@ -156,8 +134,10 @@ impl Monitor {
     /// Reading of the gyro, body axes [rad/s].
     pub fn on_gyro(&mut self, stamp_ns: i64, rate_b_rad_s: &Vector3<f64>) {
         self.heard(Source::Gyro, stamp_ns);
-        self.push(stamp_ns, Input::Gyro(*rate_b_rad_s));
-        self.predict();
+        // The instant that it shows.
+        let latency_ns = ns(self.model.sensors.gyro.errors.latency_s);
+        self.push(stamp_ns - latency_ns, Input::Gyro(*rate_b_rad_s));
+        self.compare();
     }
 
     /// Speeds of the wheels [rad/s] and the motor torques that were in force until then [N m].
@@ -188,7 +168,7 @@ impl Monitor {
             }
         }
         self.push(stamp_ns, Input::Speed(fill(speed_rad_s)));
-        self.predict();
+        self.compare();
     }
 
     /// State of the valves at `stamp_ns`, and how long each was driven in all \[s\]: so that a message that is lost loses no
@@ -228,7 +208,7 @@ impl Monitor {
                 self.push(start_ns, Input::Pulse(jet, on_time_s));
             }
         }
-        self.predict();
+        self.compare();
     }
 
     /// Moment of the linear mass actuators from now on, body axes [N m].
@@ -241,15 +221,15 @@ impl Monitor {
         // Control acts on estimates, and may act on one twice.
         if self.sources.newest_ns(Source::Control).is_none_or(|newest| newest < stamp_ns) {
             self.heard(Source::Control, stamp_ns);
-            self.predict();
+            self.compare();
         }
     }
 
     /// Supplies as measured; those that are `None` stay as they were.
     pub fn on_supplies(&mut self, new: &Supplies) {
         let pressure_pa = new.pressure_pa.map(|measured_pa| self.gas.hear(measured_pa, &self.model));
-        if let Some((pressure_pa, predictor)) = pressure_pa.zip(self.predictor.as_mut()) {
-            predictor.hear_pressure(pressure_pa);
+        if let Some((pressure_pa, driven)) = pressure_pa.zip(self.driven.as_mut()) {
+            driven.hear_pressure(pressure_pa);
         }
         let old = self.supplies;
         self.supplies = Supplies {
@@ -280,10 +260,10 @@ impl Monitor {
     /// Forgets a mismatch, as after a repair, and all evidence.
     pub fn forget(&mut self) {
         self.alarmed = false;
-        self.evidence.clear();
+        self.watch.forget();
     }
 
-    /// An estimated attitude and rate. Predicts all bins that are complete.
+    /// An estimated attitude and rate.
     pub fn on_attitude(
         &mut self,
         stamp_ns: i64,
@@ -308,21 +288,26 @@ impl Monitor {
             self.restart(stamp_ns, q_world_body, rate_b_rad_s);
             return;
         }
-        self.predict();
+        self.compare();
     }
 
-    /// Predicts all bins about which everything has arrived.
-    fn predict(&mut self) {
-        while !self.broken {
-            let Some(start_ns) = self.predictor.as_ref().map(Predictor::now_ns) else { return };
+    /// Compares all cells about which everything has arrived.
+    fn compare(&mut self) {
+        while let Some(start_ns) = self.now_ns() {
             let end_ns = start_ns + ns(self.settings.bin_s);
             match self.sources.complete(end_ns + ns(SETTLED_S)) {
                 Ok(true) => {}
                 Ok(false) => return,
                 Err(hole) => return self.lose(hole),
             }
-            if !self.bin(start_ns, end_ns) {
+            let attitude = self.attitude_at(start_ns);
+            let compared = attitude.zip(self.driven.as_mut()).is_some_and(|(attitude, driven)| {
+                self.watch.cell(driven, &attitude, &mut self.inputs, end_ns)
+            });
+            if !compared {
                 self.pause();
+            } else if self.watch.is_settled() {
+                self.hole = None;
             }
         }
     }
@@ -332,20 +317,20 @@ impl Monitor {
             Input::Speed(speeds) => Some(*speeds),
             _ => None,
         });
-        if speeds.is_none() && !self.model.wheels().is_empty() {
+        let wheels = self.model.wheels().len();
+        if speeds.is_none() && wheels > 0 {
             return;
         }
-        let Ok(mut predictor) = Predictor::new(&self.model, &self.supplies, stamp_ns) else { return };
-        if predictor.set_motion(q_world_body, rate_b_rad_s, &speeds.unwrap_or_default()).is_err() {
+        let speeds = speeds.unwrap_or_default();
+        let driven = Driven::new(&self.model, &self.supplies, stamp_ns, ns(self.settings.bin_s));
+        let Ok(mut driven) = driven else { return };
+        if driven.plant.set_motion(q_world_body, rate_b_rad_s, &speeds[..wheels.min(MAX_WHEELS)]).is_err() {
             return;
         }
         self.inputs.retain(|(at, _)| *at > stamp_ns);
-        self.predictor = Some(predictor);
-        self.filter.forget_motion();
-        self.motors.forget_motion();
-        self.evidence.forget_motion(self.filter.places.motion());
+        self.driven = Some(driven);
+        self.watch.forget_motion();
         self.broken = false;
-        self.settling = SETTLING_BINS;
     }
 
     /// The attitude at a time, by the newest estimate until then.
@@ -355,76 +340,38 @@ impl Monitor {
         }
         let (stamp_ns, q, rate) = self.attitudes.front()?;
         let later_s = (at_ns - stamp_ns) as f64 * 1e-9;
-        (later_s.abs() <= GAP_S).then(|| turned(q, rate, later_s))
-    }
-
-    /// One bin; `false` where the data do not suffice.
-    fn bin(&mut self, start_ns: i64, end_ns: i64) -> bool {
-        let Some(q_world_body) = self.attitude_at(start_ns) else { return false };
-        let Some(predictor) = &mut self.predictor else { return false };
-        let (rate, speeds) = predictor.motion();
-        if predictor.set_motion(&q_world_body, &rate, &speeds).is_err() {
-            return false;
-        }
-        let Ok(bin) = predictor.bin(&mut self.inputs, end_ns) else { return false };
-        let places = self.filter.places;
-        let changes = self.lanes.changes(&bin, &places);
-        self.settling = self.settling.saturating_sub(1);
-        if self.settling == 0 {
-            self.hole = None;
-            self.evidence.begin(start_ns);
-        }
-        self.filter.set_motor_noise_share(self.motors.share());
-        let Some((whitened, correction)) = self.filter.step(&self.lanes, &bin, &changes) else {
-            return false;
-        };
-        self.motors.step(&self.lanes, &bin, &changes, &correction, self.settling == 0);
-        if self.settling == 0 {
-            self.evidence.add(&whitened, &changes, &places);
-            self.squares.0 += whitened.innovation.norm_squared();
-            self.squares.1 += u32::try_from(whitened.innovation.len()).unwrap_or(0);
-        }
-        let (mut rate, mut speeds) = predictor.motion();
-        rate += correction.fixed_rows::<3>(0);
-        for (speed, change) in speeds.iter_mut().zip(correction.iter().skip(3)) {
-            *speed += change;
-        }
-        let mut gyro = Vector3::repeat(f64::NAN);
-        let mut of_wheels = vec![f64::NAN; places.wheels];
-        for (reading, y) in whitened.reading.iter().zip(whitened.innovation.iter()) {
-            let slot = if *reading < 3 { gyro.get_mut(*reading) } else { of_wheels.get_mut(reading - 3) };
-            if let Some(slot) = slot {
-                *slot = *y;
-            }
-        }
-        self.newest = Some((end_ns, gyro, of_wheels));
-        predictor.set_motion(&q_world_body, &rate, &speeds).is_ok()
+        (later_s.abs() <= GAP_S).then(|| q * whorl_math::quaternion_exp(&(rate * later_s)))
     }
 
     /// How well the model fits now. Sums begin anew.
     pub fn fit(&mut self, now_ns: i64) -> Fit {
-        let (stamp_ns, gyro, wheel_speed) = self.newest.clone().unwrap_or_else(|| {
-            (now_ns, Vector3::repeat(f64::NAN), vec![f64::NAN; self.filter.places.wheels])
-        });
-        let squares = std::mem::take(&mut self.squares);
-        let ln_evidence = self.evidence.ln_evidence();
+        let newest = self.watch.newest();
+        let ln_evidence = self.watch.evidence().ln_evidence();
         let limit = self.settings.limit_nats();
         self.alarmed |= ln_evidence >= limit;
-        let state = match (self.alarmed, self.broken || self.settling > 0) {
+        let state = match (self.alarmed, self.broken || !self.watch.is_settled()) {
             (true, _) => State::Mismatch,
             (false, true) => State::Waiting,
             (false, false) if ln_evidence >= 0.5 * limit => State::Doubt,
             (false, false) => State::Agrees,
         };
-        let likeliest = if self.alarmed { self.likeliest() } else { None };
-        let hole = self.hole.filter(|_| state == State::Waiting);
-        Fit { stamp_ns, state, gyro, wheel_speed, squares, ln_evidence, likeliest, hole, holes: self.holes }
+        Fit {
+            stamp_ns: newest.end_ns.unwrap_or(now_ns),
+            state,
+            gyro: newest.gyro,
+            wheel_speed: newest.wheel_speed,
+            squares: newest.squares,
+            ln_evidence,
+            likeliest: if self.alarmed { self.likeliest() } else { None },
+            hole: self.hole.filter(|_| state == State::Waiting),
+            holes: self.holes,
+        }
     }
 
     /// Standard deviation of the motors' torque noise over that of the settings, as far as it is learned.
     #[must_use]
     pub fn motor_noise_over_assumed(&self) -> f64 {
-        self.motors.share().sqrt()
+        self.watch.motor_noise_share().sqrt()
     }
 
     /// The evidence that is an alarm \[nats\].
@@ -434,7 +381,7 @@ impl Monitor {
     }
 
     fn likeliest(&self) -> Option<Likeliest> {
-        let all = self.evidence.evaluated();
+        let all = self.watch.evidence().evaluated();
         let mut first = all.first()?;
         let mut probability = first.probability;
         // A value beyond what a rig can have is no effect's own: it follows something that has no name here.
@@ -457,7 +404,7 @@ impl Monitor {
                 })
                 .collect()
         } else {
-            let own = first.directions.iter().filter_map(|k| self.all.directions.get(*k)).zip(numbers);
+            let own = first.directions.iter().filter_map(|k| self.watch.directions().get(*k)).zip(numbers);
             own.map(|(direction, (estimate, stddev))| Parameter {
                 name: direction.parameter.clone(),
                 estimate: direction.origin + estimate * direction.scale,

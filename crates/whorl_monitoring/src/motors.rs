@@ -1,120 +1,94 @@
-//! How noisy the motors are, learned while the platform moves.
+//! What motors and bearings of wheels may do that nobody predicts.
 //!
 //! No data sheet states the white noise of a motor's torque, and a filter that allows too much of it is slow to see what else
-//! happens to a wheel. So filters like the monitor's, each with another noise, run beside it in the first part of a run.
-//! The wheels' innovations, given the gyro's, give each a likelihood; the variance in force is the mean over their
-//! posterior. It is always made of bins before the one that it is used for, so that innovations stay white and the
+//! happens to a wheel. So its level is learned in the first part of a run, from readings of wheels that turn freely. With s =
+//! d ln S/d ln q of the variance S of an innovation e by a motor's noise q, each reading moves the logarithm of q by
+//!
+//! ```text
+//! (e^2/S - 1) s/2 / (1/V + sum s^2/2)
+//! ```
+//!
+//! a Newton step up the likelihood with its expected curvature, and 1/V that of what is known before. A speed that walks by q from reading
+//! to reading of variance R has S = R + (q + r)/2, r^2 = q^2 + 4 q R. It acts on later readings only, so that innovations stay white and the
 //! evidence a likelihood ratio.
 
-use nalgebra::DVector;
+use whorl_dynamics::platform::Wheel;
 
-use crate::filter::{Filter, Turning, Whitened};
-use crate::lanes::{Changes, Lanes};
-use crate::predictor::Bin;
+/// A wheel slower than this may stick or turn back [rad/s], and for so long at a time \[s\].
+const SLOW_RAD_S: f64 = 1.0;
+pub(crate) const STICKING_S: f64 = 5.0;
+/// A wheel slower than this rests [rad/s] while its motor asks for less than this share of its bearing's friction: that holds
+/// it even where it is half of what the model says.
+const RESTING_RAD_S: f64 = 0.1;
+const HELD_SHARE: f64 = 0.5;
+/// What a wheel that rests may yet move by in a cell [rad/s].
+pub(crate) const HELD_RAD_S: f64 = 1e-3;
+/// Standard deviation of ln q about that of the settings: from a thirtieth of the noise to three times of it, more likely below.
+const KNOWN_BEFORE: f64 = 2.6;
+/// A step is at most this factor's logarithm: where a filter is far off, the likelihood is no parabola.
+const LARGEST_STEP: f64 = 0.5;
 
-/// Standard deviations over that of the settings, and how likely each is before any data: no motor is without any noise, and
-/// a small one is more likely below than above.
-const CHOICES: [(f64, f64); 5] = [(1.0 / 30.0, 0.1), (0.1, 0.2), (1.0 / 3.0, 0.3), (1.0, 0.3), (3.0, 0.1)];
+/// How a wheel turns, as far as its friction is concerned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Turning {
+    /// Its bearing holds it.
+    Held,
+    /// It may stick or turn back: nobody knows which way its friction points.
+    Slowly,
+    /// As its model says.
+    Freely,
+}
 
-/// One of the noises.
-#[derive(Debug, Clone)]
-struct Choice {
-    variance: f64,
-    filter: Filter,
-    ln_weight: f64,
+impl Turning {
+    /// Of a wheel in a bin.
+    pub(crate) fn of(wheel: &Wheel, speed_rad_s: f64, torque_n_m: f64) -> Self {
+        let held = torque_n_m.abs() < HELD_SHARE * wheel.coulomb_friction_n_m;
+        match speed_rad_s.abs() {
+            speed if speed < RESTING_RAD_S && held => Self::Held,
+            speed if speed < SLOW_RAD_S && wheel.coulomb_friction_n_m > 0.0 => Self::Slowly,
+            _ => Self::Freely,
+        }
+    }
 }
 
 /// What is known of the motors' noise.
 #[derive(Debug, Clone)]
-pub struct MotorNoise {
-    /// Empty once all is learned.
-    choices: Vec<Choice>,
+pub(crate) struct MotorNoise {
     left_s: f64,
-    share: f64,
+    ln_share: f64,
+    information: f64,
 }
 
 impl MotorNoise {
-    /// Before the first bin; learns for so long \[s\], 0 = never, beside this filter.
-    #[must_use]
-    pub fn new(filter: &Filter, learned_s: f64) -> Self {
-        let of = |(stddev, weight): (f64, f64)| {
-            let mut filter = filter.clone();
-            let variance = stddev * stddev;
-            filter.set_motor_noise_share(variance);
-            Choice { variance, filter, ln_weight: weight.ln() }
-        };
-        let learns = learned_s > 0.0 && filter.places.wheels > 0;
-        let choices = if learns { CHOICES.map(of).into() } else { Vec::new() };
-        let mut noise = Self { choices, left_s: learned_s, share: 1.0 };
-        noise.average();
-        noise
+    /// Before the first cell; learns for so long \[s\], 0 = never.
+    pub fn new(learned_s: f64) -> Self {
+        Self { left_s: learned_s, ln_share: 0.0, information: KNOWN_BEFORE.powi(-2) }
     }
 
     /// Variance over that of the settings.
-    #[must_use]
     pub fn share(&self) -> f64 {
-        self.share
+        self.ln_share.exp()
     }
 
-    /// The motion is unknown: after a gap in the data.
-    pub fn forget_motion(&mut self) {
-        self.choices.iter_mut().for_each(|choice| choice.filter.forget_motion());
-    }
-
-    /// Takes a bin, and by what the monitor's own filter corrected the motion at its end.
-    ///
-    /// Until the motion is `settled` the innovations say nothing about motors.
-    pub fn step(
-        &mut self,
-        lanes: &Lanes,
-        bin: &Bin,
-        changes: &Changes,
-        corrected_by: &DVector<f64>,
-        settled: bool,
-    ) {
-        // At rest and near it friction decides.
-        let wheels =
-            lanes.base().model().wheels().iter().zip(bin.wheel_speed_rad_s).zip(bin.wheel_torque_n_m);
-        let turns: Vec<bool> = wheels
-            .map(|((wheel, speed), torque)| settled && Turning::of(wheel, speed, torque) == Turning::Freely)
-            .collect();
-        self.choices.retain_mut(|choice| {
-            let Some((whitened, correction)) = choice.filter.step(lanes, bin, changes) else { return false };
-            choice.filter.set_motion_error(&(correction - corrected_by));
-            choice.ln_weight += ln_likelihood_of_wheels(&whitened, &turns);
-            true
-        });
-        if turns.contains(&true) && !self.choices.is_empty() {
-            self.left_s -= bin.length_s;
-            self.average();
-            if self.left_s <= 0.0 {
-                self.choices.clear();
-            }
+    /// Takes a cell of this length \[s\]: of each wheel that turns freely the innovation over its deviation, and the variances that motors'
+    /// noise has added to its speed since the reading before and that the reading has itself [(rad/s)^2].
+    pub fn learn(&mut self, length_s: f64, wheels: impl Iterator<Item = (f64, f64, f64)>) {
+        if self.left_s <= 0.0 {
+            return;
+        }
+        let (mut slope, mut turns) = (0.0, false);
+        for (normalised, q, own) in wheels {
+            let root = (q * q + 4.0 * q * own).sqrt();
+            let share = 0.5 * (q + (q * q + 2.0 * q * own) / root) / (own + 0.5 * (q + root));
+            slope += 0.5 * (normalised * normalised - 1.0) * share;
+            self.information += 0.5 * share * share;
+            turns = true;
+        }
+        self.ln_share += (slope / self.information).clamp(-LARGEST_STEP, LARGEST_STEP);
+        if turns {
+            self.left_s -= length_s;
         }
     }
-
-    /// The mean of the variance over what is known.
-    fn average(&mut self) {
-        let most = self.choices.iter().map(|c| c.ln_weight).fold(f64::NEG_INFINITY, f64::max);
-        let weights = self.choices.iter().map(|c| ((c.ln_weight - most).exp(), c.variance));
-        let (sum, of_variance) =
-            weights.fold((0.0, 0.0), |(sum, mean), (w, variance)| (sum + w, mean + w * variance));
-        if sum > 0.0 && of_variance.is_finite() {
-            self.share = of_variance / sum;
-        }
-    }
-}
-
-/// ln of the density of the readings of wheels that turn freely, given the gyro's and all before, but for a constant.
-fn ln_likelihood_of_wheels(whitened: &Whitened, turns: &[bool]) -> f64 {
-    let of = |k: usize| {
-        let y = whitened.innovation[k];
-        -0.5 * y * y - whitened.lower()[(k, k)].ln()
-    };
-    // The gyro's rows come first, so that the lower triangle leaves the wheels' given theirs.
-    let freely =
-        |reading: usize| reading.checked_sub(3).and_then(|j| turns.get(j)).is_some_and(|turns| *turns);
-    whitened.reading.iter().enumerate().filter(|(_, reading)| freely(**reading)).map(|(k, _)| of(k)).sum()
 }
 
 #[cfg(test)]
@@ -183,12 +157,12 @@ mod tests {
     }
 
     /// From a thirtieth of what is assumed to three times it. The residuals then have the variance they should have. A small
-    /// noise is told less well: the readings' own is larger, and the slow torque that the filter allows stands in for it.
+    /// noise is told less well: the readings' own is larger, and the slow torque that the filter allows stands in for it; a thirtieth hardly shows at all.
     #[test]
     fn the_noise_of_motors_is_learned_from_how_wheels_move() {
         let assumed = 1e-3 * PlatformModel::whorl_1_reference().wheels()[0].max_torque_n_m;
         for (over_assumed, tolerance) in
-            [(1.0 / 30.0, 5.0), (0.1, 3.0), (1.0 / 3.0, 2.0), (1.0, 1.5), (3.0, 1.5)]
+            [(1.0 / 30.0, 10.0), (0.1, 3.0), (1.0 / 3.0, 2.0), (1.0, 1.5), (3.0, 1.5)]
         {
             let (monitor, mean_square) = watched(assumed * over_assumed, 130.0);
             let ratio = monitor.motor_noise_over_assumed() / over_assumed;

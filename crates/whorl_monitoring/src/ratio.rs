@@ -3,10 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 use whorl_math::statistics::normal_probability;
 
-use crate::passing::Carried;
-
-/// Ways of entering with more directions would fit anything.
-pub(crate) const MOST_DIRECTIONS: usize = 4;
+use crate::directions::MOST_DIRECTIONS;
+use crate::sums::Marginal;
 
 /// One suspect: its columns among those that are followed.
 #[derive(Debug, Clone)]
@@ -20,23 +18,26 @@ pub(crate) struct Suspect {
     /// What a rig can have of each column.
     pub range: Vec<(f64, f64)>,
     pub sizes: &'static [f64],
-    /// A constant of the platform that is further from the model than its prior says, and has been from the start on.
-    pub from_start: bool,
     pub ln_prior: f64,
 }
+
+/// A ratio below this is nothing beside a limit [nats]: whether a rig can be like that does not matter.
+const NO_EVIDENCE: f64 = 1.0;
+/// Of a size with less information than this over its prior nothing is known: the ratio is one.
+const NO_INFORMATION: f64 = 1e-3;
 
 type Matrix = [[f64; MOST_DIRECTIONS]; MOST_DIRECTIONS];
 type Vector = [f64; MOST_DIRECTIONS];
 
 /// I + V^1/2 A V^1/2, lower triangle, and V^1/2 z.
-fn scaled(suspect: &Suspect, sums: &Carried, size: f64) -> (Matrix, Vector) {
+fn scaled(suspect: &Suspect, sums: &Marginal, size: f64) -> (Matrix, Vector) {
     let (mut information, mut score) = ([[0.0; MOST_DIRECTIONS]; MOST_DIRECTIONS], [0.0; MOST_DIRECTIONS]);
     let mut products = suspect.products.iter();
     for (i, column) in suspect.columns.iter().enumerate().take(MOST_DIRECTIONS) {
         let s_i = suspect.stddev[i] * size;
-        score[i] = s_i * sums.score(*column);
+        score[i] = s_i * sums.slope[*column];
         for (j, place) in products.by_ref().take(i + 1).enumerate() {
-            information[i][j] = s_i * sums.product(*place) * suspect.stddev[j] * size;
+            information[i][j] = s_i * sums.pairs[*place] * suspect.stddev[j] * size;
         }
         information[i][i] += 1.0;
     }
@@ -45,7 +46,16 @@ fn scaled(suspect: &Suspect, sums: &Carried, size: f64) -> (Matrix, Vector) {
 
 /// ln of a suspect's likelihood ratio if its effect has this size, while readings that are off by so many standard deviations
 /// always are no news.
-pub(crate) fn ln_ratio(suspect: &Suspect, sums: &Carried, size: f64, systematic_sigma: f64) -> f64 {
+pub(crate) fn ln_ratio(suspect: &Suspect, sums: &Marginal, size: f64, systematic_sigma: f64) -> f64 {
+    ln_ratio_from(NO_EVIDENCE, suspect, sums, size, systematic_sigma)
+}
+
+/// The same, with what a rig can have regarded from a ratio on.
+fn ln_ratio_from(least: f64, suspect: &Suspect, sums: &Marginal, size: f64, systematic_sigma: f64) -> f64 {
+    let known = |(column, stddev): (&usize, &f64)| sums.information[*column] * (stddev * size).powi(2);
+    if suspect.columns.iter().zip(&suspect.stddev).map(known).sum::<f64>() < NO_INFORMATION {
+        return 0.0;
+    }
     let (mut lower, mut y) = scaled(suspect, sums, size);
     let (mut determinant, mut squares) = (1.0, 0.0);
     let count = suspect.columns.len().min(MOST_DIRECTIONS);
@@ -68,7 +78,8 @@ pub(crate) fn ln_ratio(suspect: &Suspect, sums: &Carried, size: f64, systematic_
         squares += y[i] * y[i];
     }
     let left = (squares.sqrt() - systematic_sigma * spread(suspect, sums).sqrt()).max(0.0);
-    0.5 * (left * left - determinant.ln()) + ln_possible(suspect, &lower, &y, count, size)
+    let ln = 0.5 * (left * left - determinant.ln());
+    if ln < least { ln } else { ln + ln_possible(suspect, &lower, &y, count, size) }
 }
 
 /// ln of the chance that what was found is what a rig can have, of the parameter with the smallest. With one parameter over the
@@ -115,14 +126,8 @@ fn ln_possible(suspect: &Suspect, lower: &Matrix, y: &Vector, count: usize, size
 }
 
 /// Over how many readings that column of a suspect is spread that is spread most.
-fn spread(suspect: &Suspect, sums: &Carried) -> f64 {
-    let of = |(k, column): (usize, &usize)| {
-        // The product of a column with itself ends its row of the triangle.
-        let place = suspect.products.get((k + 1) * (k + 2) / 2 - 1)?;
-        let (absolute, square) = (sums.absolute(*column), sums.product(*place));
-        (square > 0.0).then(|| absolute * absolute / square)
-    };
-    suspect.columns.iter().enumerate().filter_map(of).fold(0.0, f64::max)
+fn spread(suspect: &Suspect, sums: &Marginal) -> f64 {
+    suspect.columns.iter().map(|column| sums.spread[*column]).fold(0.0, f64::max)
 }
 
 /// Estimates of a suspect's columns.
@@ -137,7 +142,7 @@ pub(crate) struct Estimate {
 const BEYOND_STDDEVS: f64 = 3.0;
 
 /// Estimates of a suspect's columns and their standard deviations, times a factor.
-pub(crate) fn estimate(suspect: &Suspect, sums: &Carried, factor: f64) -> Option<Estimate> {
+pub(crate) fn estimate(suspect: &Suspect, sums: &Marginal, factor: f64) -> Option<Estimate> {
     let ratio = |size: f64| ln_ratio(suspect, sums, size, 0.0);
     let best = suspect.sizes.iter().copied().max_by(|a, b| ratio(*a).total_cmp(&ratio(*b)))?;
     let (lower, score) = scaled(suspect, sums, best);
@@ -177,8 +182,16 @@ mod tests {
             stddev: vec![stddev; count],
             range: vec![ANY; count],
             sizes: &[1.0],
-            from_start: false,
             ln_prior: 0.0,
+        }
+    }
+
+    fn sums(slope: &[f64], pairs: &[f64]) -> Marginal {
+        Marginal {
+            slope: slope.to_vec(),
+            pairs: pairs.to_vec(),
+            spread: vec![0.0; slope.len()],
+            information: vec![1.0; slope.len()],
         }
     }
 
@@ -189,7 +202,7 @@ mod tests {
         let (x, y) = ([0.3, -1.0, 2.0, 0.4], [0.5, -0.2, 1.7, 0.1]);
         let information: f64 = x.iter().map(|x| x * x).sum();
         let score: f64 = x.iter().zip(y).map(|(x, y)| x * y).sum();
-        let sums = Carried::with_sums(&[score], &[information]);
+        let sums = sums(&[score], &[information]);
         let sigma = 0.7 * 3.0;
         let density = |phi: f64| {
             let misfit: f64 = x.iter().zip(y).map(|(x, y)| (y - x * phi).powi(2) - y * y).sum();
@@ -208,7 +221,7 @@ mod tests {
         let y = DVector::from_fn(5, |i, _| (i as f64).cos());
         let (a, z) = (x.transpose() * &x, x.transpose() * &y);
         let products = [a[(0, 0)], a[(0, 1)], a[(1, 1)], a[(0, 2)], a[(1, 2)], a[(2, 2)]];
-        let sums = Carried::with_sums(z.as_slice(), &products);
+        let sums = sums(z.as_slice(), &products);
         let s = 0.7 * 3.0;
         let inner = DMatrix::identity(3, 3) + &a * (s * s);
         let quadratic = (z.transpose() * inner.clone().try_inverse().unwrap() * &z)[0] * s * s;
@@ -219,7 +232,7 @@ mod tests {
     /// What data put beyond a range is kept at its end, and told where that is no chance.
     #[test]
     fn an_estimate_beyond_its_range_is_told() {
-        let sums = Carried::with_sums(&[100.0], &[50.0]);
+        let sums = sums(&[100.0], &[50.0]);
         let of = |most: f64| {
             estimate(&Suspect { range: vec![(-most, most)], ..suspect(1, 1.0) }, &sums, 1.0).unwrap()
         };
@@ -241,7 +254,7 @@ mod tests {
         {
             let score: f64 = score_sign * x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
             let suspect = Suspect { range: vec![range], ..suspect(1, 0.7) };
-            let sums = Carried::with_sums(&[score], &[information]);
+            let sums = sums(&[score], &[information]);
             let (mut integral, mut mass) = (0.0, 0.0);
             for k in -200_000..200_000 {
                 let phi = (f64::from(k) + 0.5) * 1e-4;
@@ -252,7 +265,8 @@ mod tests {
                 mass += prior;
                 integral += prior * (phi * score - 0.5 * phi * phi * information).exp();
             }
-            let (found, expected) = (ln_ratio(&suspect, &sums, 3.0, 0.0), (integral / mass).ln());
+            let found = ln_ratio_from(f64::NEG_INFINITY, &suspect, &sums, 3.0, 0.0);
+            let expected = (integral / mass).ln();
             assert!((found - expected).abs() < 1e-3, "{score_sign} {range:?}: {found}, not {expected}");
         }
     }
@@ -262,7 +276,7 @@ mod tests {
     fn a_small_error_that_lasts_is_no_evidence() {
         let suspect = suspect(1, 0.7);
         let ratio = |per_reading: f64, count: f64| {
-            let sums = Carried::with_sums(&[per_reading * count], &[count]).with_absolute(&[count]);
+            let sums = Marginal { spread: vec![count], ..sums(&[per_reading * count], &[count]) };
             (ln_ratio(&suspect, &sums, 1.0, 0.2), ln_ratio(&suspect, &sums, 1.0, 0.0))
         };
         for count in [1e2, 1e4, 1e6] {

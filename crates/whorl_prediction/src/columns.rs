@@ -9,12 +9,12 @@ use whorl_dynamics::State;
 use whorl_dynamics::plant::{Acts, LinearisedPlant, Plant};
 use whorl_recording::Channel;
 
+use crate::blocks::{Blocks, Said};
 use crate::design::Design;
 use crate::error::PredictionError;
 use crate::gains::Gains;
-use crate::information::Information;
 use crate::innovations::Mean;
-use crate::lanes::{BLOCK, Gain, Lanes, MOST_STATES, dot};
+use crate::lanes::{Gain, MOST_STATES, dot};
 use crate::laws::{Laws, Push, add_rates_by_torque};
 use crate::layout::Layout;
 use crate::other::{Differs, Does, Other, Varied};
@@ -28,8 +28,8 @@ const SHORT_STEP: f64 = 0.05;
 
 /// Columns of sensitivities: those of the state at the beginning, one for each parameter, then one for the size of each law.
 pub(crate) struct Columns<'a> {
-    /// Coordinates of the state at the beginning, if their columns are wanted.
-    states: usize,
+    /// Behind those of the state, if these are wanted: the first of a parameter.
+    first: usize,
     others: Vec<Other<'a>>,
     /// What has no parameter, behind the others,
     laws: Option<&'a Laws<'a>>,
@@ -40,20 +40,14 @@ pub(crate) struct Columns<'a> {
     reference: Option<Reference<'a>>,
     /// Where the filter's plant was before the step, and when \[ns\], where readings are taken to be late.
     before: Option<(State, i64)>,
-    blocks: Vec<Block>,
+    blocks: Blocks,
     /// Columns that took a step of their own, one after the other, and room for one of them.
     stepped: Vec<f64>,
     moved: [f64; MOST_STATES],
     /// Readings of another model.
     varied: Readings,
-    /// Sum of d d^T / S over all innovations e with d = de/dtheta: the information on the parameters.
-    information: Information,
-    /// Sum of d e / S.
-    slope: DVector<f64>,
     /// How fast the filter's state moved over the last step, coordinates of the plant per second.
     rates: DVector<f64>,
-    /// d of all innovations, if they are kept.
-    design: Option<Design>,
 }
 
 /// The filter's own model beside the filter.
@@ -65,26 +59,6 @@ struct Reference<'a> {
     acts_now: Acts,
 }
 
-/// Columns that lie side by side.
-struct Block {
-    /// Of the filter's estimate, a row for each coordinate of the layout, per unit.
-    of_state: Lanes,
-    /// What is added over half of a step, to coordinates of the plant; all zeros: nothing.
-    half: Lanes,
-    is_pushed: bool,
-    /// Of the innovations of the present instant, a row each.
-    d: Lanes,
-}
-
-/// What columns say at the end: of the state at the beginning first, then of parameters and laws.
-pub(crate) struct Said {
-    /// Sum of d d^T / S.
-    pub information: DMatrix<f64>,
-    /// Minus the sum of d e / S: d log p by each.
-    pub slope: DVector<f64>,
-    pub design: Option<Design>,
-}
-
 impl<'a> Columns<'a> {
     /// For a filter that has not begun; `of_start`: with columns of the state at its start.
     pub fn new(
@@ -94,7 +68,6 @@ impl<'a> Columns<'a> {
         varied: &[Varied],
         laws: Option<&'a Laws<'a>>,
     ) -> Result<Self, PredictionError> {
-        let states = if of_start { layout.size() } else { 0 };
         let others: Vec<Other<'a>> =
             varied.iter().map(|varied| Other::new(case, varied)).collect::<Result<_, _>>()?;
         let mut reference = None;
@@ -104,35 +77,21 @@ impl<'a> Columns<'a> {
             let [acts, acts_now] = [(); 2].map(|()| Acts::none(&own.plant));
             reference = Some(Reference { with: own, acts, is_steady: false, acts_now });
         }
-        let plant = case.plant().tangent().size();
-        let mut columns = Self::of_state(layout.size(), states, plant, varied.len(), laws);
+        let mut columns = Self::of_state(layout, of_start, varied.len(), laws);
         (columns.others, columns.laws, columns.reference) = (others, laws, reference);
         Ok(columns)
     }
 
     /// Of the state now alone, which has so many coordinates.
     pub fn since_now(layout: Layout) -> Self {
-        Self::of_state(layout.size(), layout.size(), layout.plant.size(), 0, None)
+        Self::of_state(layout, true, 0, None)
     }
 
-    fn of_state(size: usize, states: usize, plant: usize, varied: usize, laws: Option<&Laws<'_>>) -> Self {
-        let (parameters, of_laws) = (states + varied, laws.map_or(0, Laws::count));
-        let count = parameters + of_laws;
-        // One row of few columns, or blocks of many.
-        let (blocks, least) = if count < BLOCK { (1, count.max(1)) } else { (count.div_ceil(BLOCK), BLOCK) };
-        let block = || Block {
-            of_state: Lanes::zeros(size, least),
-            half: Lanes::zeros(plant, least),
-            is_pushed: false,
-            d: Lanes::zeros(0, least),
-        };
-        let mut blocks: Vec<Block> = (0..blocks).map(|_| block()).collect();
-        let width = blocks[0].of_state.width();
-        for i in 0..states {
-            blocks[i / width].of_state.row_mut(i)[i % width] = 1.0;
-        }
+    fn of_state(layout: Layout, of_start: bool, varied: usize, laws: Option<&Laws<'_>>) -> Self {
+        let blocks =
+            Blocks::new(layout, of_start, varied, laws.map_or(0, Laws::count), laws.map_or(0, Laws::apart));
         Self {
-            states,
+            first: blocks.count().1,
             others: Vec::new(),
             laws: None,
             pushes: Vec::new(),
@@ -143,22 +102,19 @@ impl<'a> Columns<'a> {
             stepped: Vec::new(),
             moved: HERE,
             varied: Readings::default(),
-            information: Information::new(parameters, of_laws, laws.map_or(0, Laws::apart)),
-            slope: DVector::zeros(count),
-            rates: DVector::zeros(plant),
-            design: None,
+            rates: DVector::zeros(layout.plant.size()),
         }
     }
 
     /// The same, which keeps how all innovations change.
     pub fn keeping(mut self, design: Option<Design>) -> Self {
-        self.design = design;
+        self.blocks.design = design;
         self
     }
 
     /// What was found of all innovations so far.
     pub fn said(self) -> Said {
-        Said { information: self.information.sum(), slope: -self.slope, design: self.design }
+        self.blocks.said()
     }
 
     /// What was read since the state of which these columns are.
@@ -170,12 +126,7 @@ impl<'a> Columns<'a> {
 
     /// How the present state changes with that at the beginning.
     fn by_state(&self) -> DMatrix<f64> {
-        let (n, width) = (self.states, self.width());
-        DMatrix::from_fn(n, n, |i, k| self.blocks[k / width].of_state.row(i)[k % width])
-    }
-
-    fn width(&self) -> usize {
-        self.blocks[0].of_state.width()
+        DMatrix::from_fn(self.first, self.first, |i, k| self.blocks.at(i, k))
     }
 
     /// Before a step that ends at an instant, on the way to that of the next readings: how every varied model acts in the filter's state, or where more happens within the step
@@ -185,7 +136,7 @@ impl<'a> Columns<'a> {
         if let Some(laws) = self.laws {
             laws.at(plant, &mut self.pushes);
         }
-        let (n, width, first) = (self.rates.len(), self.width(), self.states);
+        let (n, first) = (self.rates.len(), self.first);
         let Self { others, reference, blocks, before, stepped, .. } = self;
         let Some(Reference { with: reference, acts, is_steady, .. }) = reference else { return };
         reference.plant.take_motion_of(plant, &[]);
@@ -222,9 +173,8 @@ impl<'a> Columns<'a> {
                     continue;
                 }
             }
-            let (block, lane) = ((first + k) / width, (first + k) % width);
             stepped.clear();
-            stepped.extend((0..n).map(|i| blocks[block].of_state.row(i)[lane] * other.step));
+            stepped.extend((0..n).map(|i| blocks.at(i, first + k) * other.step));
             if other.differs == Differs::InTorque {
                 other.stand_in_for(plant, stepped, mean.event);
             } else {
@@ -237,7 +187,7 @@ impl<'a> Columns<'a> {
     /// Behind a step of the plant, over which errors moved as the gains have found. False where a motion is lost.
     pub fn follow(&mut self, case: &Prepared<'_>, plant: &Plant, gains: &Gains<'_>) -> bool {
         let (transition, axis) = (&gains.step.transition, gains.unseen_axis.as_ref());
-        let (width, first, n) = (self.width(), self.states, self.rates.len());
+        let (first, n) = (self.first, self.rates.len());
         self.stepped.clear();
         if let Some(Reference { with: reference, acts: of_reference, is_steady, .. }) = &mut self.reference {
             let step_s = (plant.now_ns() - reference.plant.now_ns()) as f64 * 1e-9;
@@ -245,17 +195,12 @@ impl<'a> Columns<'a> {
                 return false;
             }
             let reference = &reference.plant;
-            // Half of what a model does goes through the whole step: s <- F (s + h/2 r) + h/2 r.
-            for block in self.blocks.iter_mut().filter(|block| block.is_pushed) {
-                block.half.clear(n);
-                block.is_pushed = false;
-            }
+            self.blocks.rest();
             for (k, push) in self.pushes.iter().enumerate() {
                 let column = first + self.others.len() + k;
-                let block = &mut self.blocks[column / width];
-                block.is_pushed = true;
+                let blocks = &mut self.blocks;
                 push.add_rates(plant, &gains.linearised, 0.5 * step_s, &mut |i, rate| {
-                    block.half.row_mut(i)[column % width] += rate;
+                    blocks.push(column, i, rate);
                 });
             }
             for (k, other) in self.others.iter_mut().enumerate() {
@@ -266,20 +211,17 @@ impl<'a> Columns<'a> {
                 match other.does {
                     Does::Act => {
                         let share = 0.5 * step_s / other.step;
-                        let block = &mut self.blocks[column / width];
-                        block.is_pushed = true;
                         for (i, (own, of)) in other.acts.rates.iter().zip(&of_reference.rates).enumerate() {
-                            block.half.row_mut(i)[column % width] = share * (own - of);
+                            self.blocks.push(column, i, share * (own - of));
                         }
                         other.with.plant.wait_until(plant.now_ns(), &other.acts);
                     }
                     Does::Push => {
                         let share = 0.5 * step_s / other.step;
-                        let block = &mut self.blocks[column / width];
-                        block.is_pushed = true;
+                        let blocks = &mut self.blocks;
                         let (body, wheels) = (other.body_n_m * share, other.wheels_n_m.map(|x| x * share));
                         add_rates_by_torque(plant, &gains.linearised, body, &wheels, &mut |i, rate| {
-                            block.half.row_mut(i)[column % width] += rate;
+                            blocks.push(column, i, rate);
                         });
                     }
                     Does::TheSame if other.differs == Differs::InJets => {
@@ -296,8 +238,7 @@ impl<'a> Columns<'a> {
                 if let Some(behind) = &mut other.behind {
                     *behind = other.with.plant.behind_filter_less(reference);
                 }
-                let (block, lane) = (&self.blocks[(first + k) / width], (first + k) % width);
-                let before = |i: usize| block.of_state.row(i)[lane];
+                let before = |i: usize| self.blocks.at(i, first + k);
                 // Where one sticks and the other slips the difference says nothing of a small one.
                 let is_alike = other.with.plant.is_on_branch_of(reference);
                 // The plants know better than derivatives that are held how a state moves on; disturbances they have in
@@ -312,23 +253,14 @@ impl<'a> Columns<'a> {
                 }
             }
         }
-        for block in &mut self.blocks {
-            if block.is_pushed {
-                block.of_state.add(&block.half);
-            }
-            block.of_state.carry(transition);
-            if block.is_pushed {
-                block.of_state.add(&block.half);
-            }
-        }
+        self.blocks.carry(transition);
         let moving = transition.count();
         let stepped = self.others.iter().enumerate().filter(|(_, other)| other.does == Does::Step);
         for ((k, _), moved) in stepped.zip(self.stepped.chunks_exact(moving.max(1))) {
-            let (block, lane) = (&mut self.blocks[(first + k) / width], (first + k) % width);
-            moved.iter().enumerate().for_each(|(i, x)| block.of_state.row_mut(i)[lane] = *x);
+            moved.iter().enumerate().for_each(|(i, x)| self.blocks.set(i, first + k, *x));
         }
         if let Some(axis) = axis {
-            self.blocks.iter_mut().for_each(|block| block.of_state.level(axis));
+            self.blocks.level(axis);
         }
         if let Some((before, before_ns)) = &self.before {
             let step_s = (plant.now_ns() - before_ns) as f64 * 1e-9;
@@ -340,18 +272,16 @@ impl<'a> Columns<'a> {
 
     /// A wheel that its friction holds stands whatever the parameters are.
     pub fn hold(&mut self, coordinate: usize) {
-        self.blocks.iter_mut().for_each(|block| block.of_state.hold_row(coordinate));
+        self.blocks.hold(coordinate);
     }
 
     /// How each reading in the filter's state changes with the parameters where the state does not.
     pub fn read(&mut self, mean: &Mean<'_>, linearised: &LinearisedPlant, readings: &Readings) {
         let plant = &mean.plant;
-        let (width, n, first) = (self.width(), self.rates.len(), self.states);
-        self.blocks.iter_mut().for_each(|block| block.d.clear(readings.rows.len()));
+        let (n, first) = (self.rates.len(), self.first);
+        self.blocks.clear_readings(readings.rows.len());
         // What a sensor adds it adds to what it reads now; of a torque, what it was over the step.
-        let mut set = |column: usize, row: usize, x: f64| {
-            self.blocks[column / width].d.row_mut(row)[column % width] = x;
-        };
+        let mut set = |column: usize, row: usize, x: f64| self.blocks.set_reading(column, row, x);
         if let Some(laws) = self.laws {
             if self.pushes.is_empty() || !self.pushes.iter().all(Push::is_torque) {
                 laws.at(plant, &mut self.now);
@@ -431,39 +361,19 @@ impl<'a> Columns<'a> {
 
     /// Takes in the readings of an instant, of which these are the innovations.
     pub fn take_in(&mut self, readings: &Readings, gain: &Gain, values: &[f64]) {
-        // Nobody has read how they change by themselves.
-        for block in &mut self.blocks {
-            if block.d.rows() != readings.rows.len() {
-                block.d.clear(readings.rows.len());
-            }
-            block.of_state.take_in(&readings.by_state, gain, &mut block.d);
-        }
-        for (r, (value, variance)) in values.iter().zip(&gain.variances).enumerate() {
-            let scale = 1.0 / variance.sqrt();
-            let normalised = self.information.next();
-            for (block, to) in self.blocks.iter().zip(normalised.chunks_mut(block_width(&self.blocks))) {
-                to.iter_mut().zip(block.d.row(r)).for_each(|(to, d)| *to = d * scale);
-            }
-            let e = value * scale;
-            self.slope.iter_mut().zip(normalised.iter()).for_each(|(slope, d)| *slope += e * d);
-            if let Some(design) = &mut self.design {
-                design.push(normalised);
-            }
-            self.information.added();
-        }
+        self.blocks.take_in(readings, gain, values);
     }
 
     /// How the innovation of a reading of the present instant changes with parameter by parameter.
     pub fn latest(&self, reading: usize, to: &mut DVector<f64>) {
-        let width = self.width();
-        for (slot, c) in to.iter_mut().zip(self.states..self.slope.len()) {
-            *slot = self.blocks[c / width].d.row(reading)[c % width];
+        for (slot, c) in to.iter_mut().zip(self.first..self.blocks.count().0) {
+            *slot = self.blocks.of_innovation(reading, c);
         }
     }
 
     /// How many columns there are besides those of the state.
     pub fn count(&self) -> usize {
-        self.slope.len() - self.states
+        self.blocks.count().0 - self.first
     }
 
     /// Whether derivatives by a torque are needed.
@@ -474,10 +384,6 @@ impl<'a> Columns<'a> {
 
 /// No change of a plant's coordinates.
 const HERE: [f64; MOST_STATES] = [0.0; MOST_STATES];
-
-fn block_width(blocks: &[Block]) -> usize {
-    blocks.first().map_or(1, |block| block.of_state.width())
-}
 
 /// The product of a row with the first coordinates of a state.
 fn dot_within(row: &[(usize, f64)], state: &[f64]) -> f64 {

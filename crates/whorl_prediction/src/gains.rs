@@ -1,5 +1,7 @@
 //! The covariance of a state on its way along a motion, and the gains that follow from it.
 
+use std::borrow::Cow;
+
 use nalgebra::{DMatrix, Vector3};
 use whorl_dynamics::plant::{LinearisedPlant, Plant, RATE};
 
@@ -8,7 +10,7 @@ use crate::heading::UnseenHeading;
 use crate::lanes::{Gain, Lanes};
 use crate::layout::Layout;
 use crate::linearisation::Place;
-use crate::noise::Noise;
+use crate::noise::{Disturbance, Noise};
 use crate::prepared::Prepared;
 use crate::rows::Readings;
 use crate::settings::Settings;
@@ -17,9 +19,13 @@ use crate::transition::{Step, WhiteNoise, fastest_rate_1_s};
 
 /// Covariance and gains along a motion.
 pub(crate) struct Gains<'a> {
-    case: &'a Prepared<'a>,
-    noise: &'a Noise,
+    settings: Settings,
+    disturbance: Cow<'a, Disturbance>,
     layout: Layout,
+    /// Variance that each coordinate gains in a second by its own random walk,
+    walks: Vec<f64>,
+    /// and noise of what wheels that are driven along their measured speeds give the body ([`Prepared::driven_momentum_roots`]).
+    driven_momentum_roots: &'a [Vector3<f64>],
     pub covariance: Lanes,
     /// What predictions ahead need.
     pub claims: Option<Claims>,
@@ -60,25 +66,47 @@ impl<'a> Gains<'a> {
         if let Some(axis) = heading.at_start() {
             covariance.level_covariance(&axis);
         }
+        let walks = (0..layout.size()).map(|i| case.walk_variance(layout, i, 1.0)).collect();
+        let disturbance = Cow::Borrowed(&noise.disturbance);
+        let roots = case.driven_momentum_roots();
+        let mut gains =
+            Self::of(*case.settings(), disturbance, layout, walks, roots, covariance, linearised, plant);
+        (gains.has_torques, gains.heading) = (has_torques, heading);
+        gains
+    }
+
+    /// Of a layout in which a plant stands, with its derivatives there, by a torque as well; no heading is left out.
+    #[expect(clippy::too_many_arguments, reason = "each is a part of its own")]
+    pub fn of(
+        settings: Settings,
+        disturbance: Cow<'a, Disturbance>,
+        layout: Layout,
+        walks: Vec<f64>,
+        driven_momentum_roots: &'a [Vector3<f64>],
+        covariance: Lanes,
+        linearised: LinearisedPlant,
+        plant: &Plant,
+    ) -> Self {
         let none = DMatrix::zeros(layout.moving(), layout.moving());
-        let walks = (0..layout.moving()).map(|i| case.walk_variance(layout, i, 1.0));
-        let turns = vec![Vector3::zeros(); case.driven_momentum_roots().len()];
-        let drives_alone = WhiteNoise { density: walks.collect(), turns };
+        let turns = vec![Vector3::zeros(); driven_momentum_roots.len()];
+        let drives_alone = WhiteNoise { density: walks[..layout.moving()].to_vec(), turns };
         let mut drives = drives_alone.clone();
-        let of = &noise.disturbance;
+        let of = &disturbance;
         for ((i, stddev), (_, correlation_s)) in of.coordinates(layout).zip(of.times(layout)) {
             drives.density[i] += stddev * stddev * 2.0 / correlation_s;
         }
         let mut gains = Self {
-            case,
-            noise,
+            settings,
+            disturbance,
             layout,
+            walks,
+            driven_momentum_roots,
             covariance,
             claims: None,
             linearised,
             place: Place::of(plant),
             fastest_1_s: 0.0,
-            has_torques,
+            has_torques: true,
             motion: none.clone(),
             before: none,
             drives,
@@ -86,7 +114,7 @@ impl<'a> Gains<'a> {
             step: Step::new(layout.moving(), layout.size()),
             step_ns: 0,
             has_new_step: false,
-            heading,
+            heading: UnseenHeading::NONE,
             unseen_axis: None,
             gain: Gain::default(),
         };
@@ -110,7 +138,7 @@ impl<'a> Gains<'a> {
         for first in self.layout.disturbance().step_by(3) {
             a.view_mut((0, first), (n, 3)).copy_from(by_torque);
         }
-        let wheels = self.layout.plant.wheels().zip(self.case.model().wheels());
+        let wheels = self.layout.plant.wheels().zip(plant.gyrostat().model().wheels());
         for ((i, (speed, wheel)), held) in self.layout.motors().zip(wheels).zip(plant.held_wheels()) {
             // It pushes the wheel, and the body the other way; what friction holds, nothing pushes.
             if !held {
@@ -118,7 +146,7 @@ impl<'a> Gains<'a> {
                 a[(speed, i)] += 1.0 / wheel.spin_inertia_kg_m2;
             }
         }
-        for (i, correlation_s) in self.noise.disturbance.times(self.layout) {
+        for (i, correlation_s) in self.disturbance.times(self.layout) {
             a[(i, i)] = -1.0 / correlation_s;
         }
     }
@@ -132,8 +160,8 @@ impl<'a> Gains<'a> {
 
     /// The longest step that covariances may take \[s\].
     pub fn longest_s(&self) -> f64 {
-        let fading = self.noise.disturbance.times(self.layout).map(|(_, time_s)| 1.0 / time_s);
-        self.case.settings().covariance_step / fading.fold(self.fastest_1_s, f64::max).max(1e-9)
+        let fading = self.disturbance.times(self.layout).map(|(_, time_s)| 1.0 / time_s);
+        self.settings.covariance_step / fading.fold(self.fastest_1_s, f64::max).max(1e-9)
     }
 
     /// Behind a step of the plant.
@@ -149,7 +177,7 @@ impl<'a> Gains<'a> {
             covariance.grow(transition, noise.as_ref());
             touch.iter().for_each(|touch_rad_s| add_square(covariance, touch_rad_s));
             for i in self.layout.moving()..self.layout.size() {
-                covariance.row_mut(i)[i] += self.case.walk_variance(self.layout, i, step_s);
+                covariance.row_mut(i)[i] += self.walks[i] * step_s;
             }
             if let Some(axis) = axis {
                 covariance.level_covariance(axis);
@@ -167,7 +195,7 @@ impl<'a> Gains<'a> {
         if !self.place.touches() {
             return None;
         }
-        let Settings { touch_impulse_share, touch_s, .. } = self.case.settings();
+        let Settings { touch_impulse_share, touch_s, .. } = self.settings;
         Some(plant.contact_acceleration_b_rad_s2() * (touch_impulse_share * (touch_s * step_s).sqrt()))
     }
 
@@ -175,8 +203,7 @@ impl<'a> Gains<'a> {
     /// with them what equal steps do.
     fn find_step(&mut self, plant: &Plant, step_ns: i64) {
         let now = Place::of(plant);
-        let is_near =
-            self.place.distance_rad(&now, self.fastest_1_s) <= self.case.settings().derivatives_held;
+        let is_near = self.place.distance_rad(&now, self.fastest_1_s) <= self.settings.derivatives_held;
         self.has_new_step = !(is_near && self.step_ns == step_ns);
         if !self.has_new_step {
             return;
@@ -196,7 +223,7 @@ impl<'a> Gains<'a> {
         // The noise of a speed along which a wheel is driven is one of the body's rate, and its attitude follows.
         let by_torque = self.linearised.rate_by_torque.fixed_rows::<3>(RATE.start);
         for noise in [&mut self.drives, &mut self.drives_alone] {
-            let driven = self.case.driven_momentum_roots().iter().zip(&mut noise.turns);
+            let driven = self.driven_momentum_roots.iter().zip(&mut noise.turns);
             driven.for_each(|(momentum_b, turn)| *turn = by_torque * momentum_b);
         }
         let motion = if is_near { &self.motion } else { &self.before };

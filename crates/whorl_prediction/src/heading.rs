@@ -26,6 +26,9 @@ pub(crate) struct UnseenHeading {
 }
 
 impl UnseenHeading {
+    /// Every heading matters.
+    pub const NONE: Self = Self { is_unseen: false, at_start_b: Vector3::new(0.0, 0.0, 0.0) };
+
     /// Of a plant at its start.
     pub fn of(case: &Prepared<'_>, plant: &Plant, linearised: &LinearisedPlant) -> Self {
         let at_start_b = vertical_b(&plant.state().q_world_body);

@@ -54,14 +54,27 @@ impl Information {
         }
     }
 
-    fn gather(&mut self) {
+    /// Nothing is in the sum, and nothing waits.
+    pub fn clear(&mut self) {
+        self.sum.fill(0.0);
+        self.waits = 0;
+    }
+
+    /// What is in the sum of two of them.
+    #[inline(always)]
+    pub fn product(&self, i: usize, k: usize) -> f64 {
+        self.sum[i.max(k) * self.padded + i.min(k)]
+    }
+
+    /// Puts all that waits into the sum.
+    pub fn gather(&mut self) {
         pulp::Arch::new().dispatch(Gather(self));
     }
 
     /// The sum over all so far.
     pub fn sum(mut self) -> DMatrix<f64> {
         self.gather();
-        DMatrix::from_fn(self.count, self.count, |i, k| self.sum[i.max(k) * self.padded + i.min(k)])
+        DMatrix::from_fn(self.count, self.count, |i, k| self.product(i, k))
     }
 }
 

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use nalgebra::DMatrix;
 use whorl_dynamics::plant::Tangent;
+use whorl_dynamics::platform::SensorSuite;
 
 /// Coordinates of an estimate's error: those of the plant ([`Tangent`]), then the disturbance torque on the body
 /// and that of each motor [N m], the biases of gyro [rad/s] and accelerometer [m/s^2], as far as there are any.
@@ -64,6 +65,22 @@ impl Layout {
     #[must_use]
     pub fn moving(&self) -> usize {
         self.motors().end
+    }
+
+    /// Variance that a coordinate gains in a second by its own random walk.
+    pub(crate) fn walk_variance(&self, sensors: &SensorSuite, hidden_noise: &[f64], i: usize) -> f64 {
+        let of = |walk: Option<&f64>| walk.copied().unwrap_or(0.0).powi(2);
+        let within = |all: Range<usize>| all.contains(&i).then(|| i - all.start);
+        if let Some(k) = within(self.plant.hidden()) {
+            return of(hidden_noise.get(k));
+        }
+        if let Some(k) = within(self.gyro_bias()) {
+            return of(sensors.gyro.errors.bias_walk.get(k));
+        }
+        if let Some(k) = within(self.force_bias()) {
+            return of(sensors.accelerometer.errors.bias_walk.get(k));
+        }
+        0.0
     }
 
     /// The part of a covariance that is not of disturbances: plant and biases.

@@ -35,6 +35,7 @@
 //! ```
 
 mod ahead;
+mod blocks;
 mod claims;
 mod columns;
 mod design;
@@ -62,9 +63,11 @@ mod noise;
 mod other;
 mod parameter;
 mod passes;
+mod perturbed;
 mod predict;
 mod prepared;
 mod readings;
+mod recursive;
 mod refusal;
 mod rows;
 mod sensitivities;
@@ -91,8 +94,10 @@ pub use likelihood::{Likelihood, likelihood};
 pub use noise::{Disturbance, Noise, RandomTorque};
 pub use other::Varied;
 pub use parameter::Parameter;
+pub use perturbed::{Difference, InState, Perturbed};
 pub use predict::{Told, predict, simulate};
 pub use prepared::Prepared;
+pub use recursive::{Reading, Recursive, Window};
 pub use refusal::{Needs, Refusal, check};
 pub use sensitivities::sensitivities;
 pub use settings::{Setting, Settings};

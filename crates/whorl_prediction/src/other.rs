@@ -44,7 +44,7 @@ pub(crate) struct Other<'a> {
 }
 
 /// In what a varied model differs from the filter's.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Differs {
     /// Its motion goes its own way within a step: valves at other times, hidden states, another low-pass.
     WithinSteps,
@@ -138,7 +138,8 @@ impl<'a> Other<'a> {
 }
 
 impl Differs {
-    fn of(own: &Gyrostat, other: &Gyrostat) -> Self {
+    /// Of a model that has the same valves and low-pass.
+    pub fn of(own: &Gyrostat, other: &Gyrostat) -> Self {
         // What no sensor does.
         let moving = |gyrostat: &Gyrostat| -> Vec<(&'static str, Vec<f64>)> {
             let all = gyrostat.effects().iter().filter(|e| e.effect().info().kind != EffectKind::Sensor);
@@ -166,7 +167,7 @@ impl Differs {
 
 /// By how much the torque differs with which a model moves that differs in nothing else: by the equation of motion, which is linear in
 /// inertia and gravity offset, and by the effects that make a torque.
-#[derive(Clone, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Torque {
     /// Of the inertia [kg m^2] and the gravity offset [N m], body axes.
     inertia_b: Matrix3<f64>,
@@ -176,7 +177,7 @@ pub(crate) struct Torque {
 }
 
 impl Torque {
-    fn between(own: &Gyrostat, other: &Gyrostat) -> Self {
+    pub fn between(own: &Gyrostat, other: &Gyrostat) -> Self {
         let [mass, of] = [own, other].map(|of| &of.model().mass_properties);
         let values = |gyrostat: &Gyrostat, id: &str| {
             let found = gyrostat.effects().iter().find(|e| e.effect().info().id == id);

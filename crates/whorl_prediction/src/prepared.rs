@@ -184,19 +184,7 @@ impl<'a> Prepared<'a> {
 
     /// Variance that a coordinate of a layout gains by its own random walk in this time \[s\].
     pub(crate) fn walk_variance(&self, layout: Layout, i: usize, after_s: f64) -> f64 {
-        let sensors = &self.model.sensors;
-        let of = |walk: Option<f64>| walk.unwrap_or(0.0).powi(2) * after_s;
-        let within = |all: std::ops::Range<usize>| all.contains(&i).then(|| i - all.start);
-        if let Some(k) = within(layout.plant.hidden()) {
-            return of(self.hidden_noise.get(k).copied());
-        }
-        if let Some(k) = within(layout.gyro_bias()) {
-            return of(sensors.gyro.errors.bias_walk.get(k).copied());
-        }
-        if let Some(k) = within(layout.force_bias()) {
-            return of(sensors.accelerometer.errors.bias_walk.get(k).copied());
-        }
-        0.0
+        layout.walk_variance(&self.model.sensors, &self.hidden_noise, i) * after_s
     }
 
     /// Coordinates of the plant's state.

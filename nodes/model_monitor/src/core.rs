@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use nalgebra::Vector3;
-use whorl_monitoring::predictor::Supplies;
-use whorl_monitoring::{Fit, Hole, Monitor, MonitorError, State};
+
+use whorl_monitoring::{Fit, Hole, Monitor, MonitorError, State, Supplies};
 use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::topics::{Message, Route, Topic};

@@ -1,11 +1,9 @@
 //! Fits: models with parameters at their likeliest values.
 
-mod directions;
 mod fitter;
 pub(crate) mod low_pass;
 pub(crate) mod normal_equations;
 pub(crate) mod refit;
 pub(crate) mod ties;
 
-pub use directions::{Direction, Directions, Measured, Suspect, directions};
 pub use fitter::{Fitter, fit};

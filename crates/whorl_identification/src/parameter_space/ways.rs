@@ -1,6 +1,6 @@
 //! The ways in which an effect may enter a fit: sets of its parameters, or directions from where it is still absent.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use whorl_dynamics::Effect;
 use whorl_dynamics::effects::{Clues, Direction, Grouping, Part, Role};
@@ -160,64 +160,4 @@ pub(crate) fn options_of(effect: &dyn Effect, columns: &[Column]) -> Vec<Vec<usi
     }
     options.retain(|option| !option.is_empty());
     options
-}
-
-/// The options that hold every parameter of each wheel and jet that they touch, or of the whole platform.
-pub(crate) fn whole_parts(options: &[Vec<usize>], columns: &[Column]) -> Vec<Vec<usize>> {
-    let part_of = |i: &usize| columns.get(*i).map_or(Part::Platform, |column| column.part);
-    let all: BTreeSet<usize> = options.iter().flatten().copied().collect();
-    let is_whole = |option: &Vec<usize>| {
-        let touched: BTreeSet<Part> = option.iter().map(part_of).collect();
-        all.iter().all(|i| option.contains(i) || !touched.contains(&part_of(i)))
-    };
-    options.iter().filter(|option| is_whole(option)).cloned().collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use whorl_dynamics::effects::find;
-    use whorl_dynamics::{ModelPrior, PlatformModel};
-
-    use super::*;
-    use crate::Settings;
-
-    fn whole_names(id: &str) -> Vec<Vec<String>> {
-        let model = PlatformModel::whorl_1_reference();
-        let reference = Reference::new(&model, &ModelPrior::typical(&model), Settings::default());
-        let effect = find(id).unwrap();
-        let columns = reference.parameter_columns(effect);
-        whole_parts(&options_of(effect, &columns), &columns)
-            .iter()
-            .map(|option| option.iter().map(|i| columns[*i].name.clone()).collect())
-            .collect()
-    }
-
-    #[test]
-    fn an_effect_enters_by_whole_wheels_and_jets() {
-        let model = PlatformModel::whorl_1_reference();
-        let (wheels, jets) = (model.wheels().len(), model.jets().len());
-        // All together, then wheel by wheel, never one of the two drags alone.
-        let friction = whole_names("wheel_friction");
-        assert_eq!(friction.len(), 1 + wheels);
-        for (option, wheel) in friction[1..].iter().zip(model.wheels()) {
-            assert_eq!(
-                *option,
-                [format!("{}_viscous_n_m_s", wheel.name), format!("{}_coulomb_n_m", wheel.name)]
-            );
-        }
-        // One parameter a wheel: each is whole.
-        assert_eq!(whole_names("wheel_windage").len(), 1 + wheels);
-        // All jets alike, each alone, each for itself.
-        let strength = whole_names("thruster_strength");
-        assert_eq!(strength[0], ["all"]);
-        assert_eq!(strength.iter().filter(|o| o.len() == 1).count(), 2 + jets);
-        assert_eq!(strength.last().unwrap().len(), jets);
-        // Two angles across a jet go together.
-        assert!(whole_names("thruster_misalignment").iter().all(|o| o.len() % 2 == 0));
-        // Of the platform: only as a whole.
-        for id in ["air_current", "thruster_delay", "gyro_misalignment", "bearing_viscous_friction"] {
-            let parameters = find(id).unwrap().parameters(&model).len();
-            assert_eq!(whole_names(id).iter().map(Vec::len).collect::<Vec<_>>(), [parameters], "{id}");
-        }
-    }
 }
