@@ -16,7 +16,6 @@ use whorl_dynamics::effects::find;
 use whorl_explain::ProgressCallback;
 use whorl_identification::Options;
 use whorl_params::effect_yaml;
-use whorl_prediction::Settings;
 use whorl_recording::KnownPlatform;
 
 use crate::platform::Platform;
@@ -234,8 +233,7 @@ pub fn identify(
         say(0.0, "identifying the mass properties");
         let known = &runs.known;
         let prior = known.prior.clone().with_mass_properties_scaled(prior_scale);
-        let all: Vec<_> = runs.training.iter().collect();
-        let found = whorl_identification::identify(&all, &known.model, &prior, &Settings::default())?;
+        let found = whorl_identification::identify(&runs.training, &known.model, &prior, &options())?;
         let json = identification::as_json(&known.platform, &known.model, &found);
         let new = found
             .updated()

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use pyo3::prelude::*;
+use whorl_calibration::calibrate_imu;
 use whorl_commands::history::{HEADINGS, as_json, began_s, rows, sentences, trends_as_json, write_table};
 use whorl_commands::{calibrate as calibration, model_file, options, simulate::utc_now};
 use whorl_explain::trends::{DatedRun, trends as over_runs};
-use whorl_identification::calibration::calibrate_imu;
 use whorl_params::ModelStep;
 
 use crate::explain::{Given, Material, material};

@@ -15,7 +15,8 @@
 //! | compute the orbits and attitudes of a co-observation pass | [`orbits`] |
 //! | read and write recordings | [`recording`], [`bag`] |
 //! | identify mass properties | [`identification`] |
-//! | check, smooth and transform what was recorded | [`trajectory`] |
+//! | check what was recorded, predict and fit it | [`prediction`] |
+//! | calibrate gyro and accelerometer | [`calibration`] |
 //! | compare model and recording, and learn which physical effect is missing | [`explain`] |
 //! | read ROS 2 parameter files with errors that help | [`params`] |
 //! | run the nodes of a whole experiment in one process | [`sim`] |
@@ -218,19 +219,36 @@ pub mod bag {
     pub use whorl_bag::*;
 }
 
-/// What recordings say about a model: which physical effect it lacks, mass properties, sensor calibration, balancing.
+/// Bias, scale, misalignment and noise of gyro and accelerometer, from a sensor that lies on its faces and is turned between.
 ///
 /// ```no_run
 /// use std::path::Path;
-/// use whorl::identification::identify;
-/// use whorl::prediction::Settings;
+/// use whorl::calibration::{CalibrationSettings, calibrate_imu};
+/// use whorl::recording::{read_model, read_run};
+///
+/// let run = Path::new("runs/faces");
+/// let known = read_model(run, None)?;
+/// let recordings = read_run(run, Some(&known.platform))?;
+/// let runs: Vec<_> = recordings.iter().collect();
+/// let found = calibrate_imu(&runs, &known.model.sensors, &CalibrationSettings::default());
+/// println!("{found:?}");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub mod calibration {
+    pub use whorl_calibration::*;
+}
+
+/// What recordings say about a model: which physical effect it lacks, mass properties, balancing.
+///
+/// ```no_run
+/// use std::path::Path;
+/// use whorl::identification::{Options, identify};
 /// use whorl::recording::{read_model, read_run};
 ///
 /// let run = Path::new("runs/identify");
 /// let known = read_model(run, None)?;
 /// let recordings = read_run(run, Some(&known.platform))?;
-/// let runs: Vec<_> = recordings.iter().collect();
-/// let found = identify(&runs, &known.model, &known.prior, &Settings::default())?;
+/// let found = identify(&recordings, &known.model, &known.prior, &Options::default())?;
 /// println!("{found:?}");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

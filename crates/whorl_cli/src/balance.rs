@@ -8,10 +8,8 @@ use whorl_dynamics::PlatformModel;
 use whorl_dynamics::actuators::moving_masses::MovingMass;
 use whorl_dynamics::mass_parameters::gravity_offset_b_n_m;
 use whorl_identification::balance::{Ballast, plan_balance};
-use whorl_identification::identify;
+use whorl_identification::{Options, identify};
 use whorl_math::GRAVITY_M_S2;
-use whorl_prediction::Settings;
-use whorl_recording::Recording;
 
 use crate::identify::print_findings;
 use crate::output::{JsonArgument, say};
@@ -40,8 +38,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let runs = arguments.runs.read()?;
     let ballasts = if given.is_empty() { of_model(&runs.known.model)? } else { given };
-    let recordings: Vec<&Recording> = runs.training.iter().collect();
-    let found = identify(&recordings, &runs.known.model, &runs.known.prior, &Settings::default())?;
+    let found = identify(&runs.training, &runs.known.model, &runs.known.prior, &Options::default())?;
     print_findings(&found.findings);
     if !found.usable() {
         bail!("these runs do not determine the centre of mass");

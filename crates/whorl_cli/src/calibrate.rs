@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::Subcommand;
+use whorl_calibration::{ImuCalibration, PerAxis, calibrate_imu};
 use whorl_commands::calibrate::{as_json, changes, instability, settings, walk, white};
 use whorl_commands::model_file::prepare_out;
-use whorl_identification::calibration::{ImuCalibration, PerAxis, calibrate_imu};
 use whorl_math::three_digits;
 use whorl_params::ModelStep;
 use whorl_recording::Recording;

@@ -6,10 +6,9 @@ use anyhow::Context;
 use serde_json::{Value, json};
 use whorl_commands::identify::as_json;
 use whorl_dynamics::platform::Wheel;
-use whorl_identification::{Determined, predict};
+use whorl_identification::{Determined, Options, predict};
 use whorl_math::deg_from_rad;
 use whorl_math::words::or_did_you_mean;
-use whorl_prediction::Settings;
 use whorl_recording::{KnownPlatform, ReadOptions, Recording, read_model, read_run_with};
 
 use crate::identify::{print_findings, print_identification};
@@ -69,7 +68,7 @@ fn judge(arguments: &Arguments, run: &Path) -> anyhow::Result<()> {
             names.join(", ")
         );
     }
-    arguments.json.write(|| Ok(json!({"schema": 2, "experiment": arguments.experiment, "platforms": told})))
+    arguments.json.write(|| Ok(json!({"schema": 3, "experiment": arguments.experiment, "platforms": told})))
 }
 
 fn report(known: &KnownPlatform, recording: &Recording) -> anyhow::Result<Value> {
@@ -83,7 +82,7 @@ fn report(known: &KnownPlatform, recording: &Recording) -> anyhow::Result<Value>
         deg_from_rad(rate)
     );
     limits(known, recording);
-    let found = predict(&[recording], &known.model, &known.prior, &Settings::default())?;
+    let found = predict(std::slice::from_ref(recording), &known.model, &known.prior, &Options::default())?;
     print_identification(&known.model, &found);
     let determined = found.determined.iter().filter(|d| **d == Determined::Yes).count();
     say!("This experiment will determine {determined} of 9 parameters to the uncertainties above.");

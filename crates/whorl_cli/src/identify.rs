@@ -9,9 +9,8 @@ use whorl_commands::identify::as_json;
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, UNITS, mass_vector};
 use whorl_explain::changes::changes;
-use whorl_identification::{Determined, Finding, Identification, IdentifiedParameter, identify};
+use whorl_identification::{Determined, Finding, FittedParameter, Identification, Options, identify};
 use whorl_params::ModelStep;
-use whorl_prediction::Settings;
 use whorl_recording::{KnownPlatform, Recording};
 use whorl_reproduce::regression::{
     self, Form, Regressed, RegressionSettings, Weights, regress as regression_of,
@@ -112,8 +111,7 @@ fn by_likelihood(
     known: &KnownPlatform,
     recordings: &[Recording],
 ) -> anyhow::Result<()> {
-    let recordings: Vec<&Recording> = recordings.iter().collect();
-    let found = identify(&recordings, &known.model, &known.prior, &Settings::default())?;
+    let found = identify(recordings, &known.model, &known.prior, &Options::default())?;
     say!(
         "{} from {:.1} s of {} run{}: prediction error {} times the noise, {} with the model as given",
         known.platform,
@@ -128,7 +126,7 @@ fn by_likelihood(
     // Before anything is written: what was found is worth knowing also where it cannot be used.
     arguments.json.write(|| {
         let mut value = as_json(&known.platform, &known.model, &found);
-        value["schema"] = json!(2);
+        value["schema"] = json!(3);
         value["runs"] = json!(recordings.iter().map(|r| r.name.as_str()).collect::<Vec<_>>());
         Ok(value)
     })?;
@@ -229,13 +227,14 @@ pub fn print_identification(model: &PlatformModel, found: &Identification) {
         &cells,
     );
     // Of actuators what the data changed: there may be dozens.
-    let told = |p: &&IdentifiedParameter| p.determined != Determined::No || p.at_bound;
+    let told =
+        |p: &&FittedParameter| Determined::of(p.stddev, p.prior_stddev) != Determined::No || p.at_bound;
     for p in found.effects.iter().chain(found.actuators.iter().filter(told)) {
         say!(
             "  {} {}: {} +- {} {} (before +- {}){}",
-            p.effect,
+            p.group,
             p.name,
-            three_digits(p.value),
+            three_digits(p.estimate),
             three_digits(p.stddev),
             p.unit,
             three_digits(p.prior_stddev),

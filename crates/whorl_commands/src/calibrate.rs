@@ -2,10 +2,8 @@
 
 use anyhow::bail;
 use serde_json::{Value, json};
+use whorl_calibration::{CalibrationSettings, ImuCalibration, Misfit, NoiseFit, PerAxis, SensorCalibration};
 use whorl_explain::changes::{Change, of_calibration};
-use whorl_identification::calibration::{
-    CalibrationSettings, ImuCalibration, Misfit, NoiseFit, PerAxis, SensorCalibration,
-};
 use whorl_math::{rad_from_deg, three_digits};
 use whorl_params::Value as Parameter;
 

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, NAMES, UNITS, mass_vector};
-use whorl_identification::{Determined, Finding, Identification, IdentifiedParameter};
+use whorl_identification::{Determined, Finding, FittedParameter, Identification};
 
 /// Everything that was identified, beside what the model had before.
 #[must_use]
@@ -29,19 +29,18 @@ pub fn as_json(platform: &str, model: &PlatformModel, found: &Identification) ->
         "usable": found.usable(),
         "parameters": parameters,
         "covariance": covariance,
-        "moved_to_realisable": found.moved_to_realisable,
         "effects": beside_as_json(&found.effects),
         "actuators": beside_as_json(&found.actuators),
         "findings": findings_as_json(&found.findings),
     })
 }
 
-fn beside_as_json(parameters: &[IdentifiedParameter]) -> Vec<Value> {
-    let one = |p: &IdentifiedParameter| {
+fn beside_as_json(parameters: &[FittedParameter]) -> Vec<Value> {
+    let one = |p: &FittedParameter| {
         json!({
-            "effect": p.effect, "name": p.name, "unit": p.unit, "before": p.before, "estimate": p.value,
+            "effect": p.group, "name": p.name, "unit": p.unit, "before": p.before, "estimate": p.estimate,
             "stddev": p.stddev, "prior_stddev": p.prior_stddev,
-            "determined": determined(p.determined), "at_bound": p.at_bound,
+            "determined": determined(Determined::of(p.stddev, p.prior_stddev)), "at_bound": p.at_bound,
         })
     };
     parameters.iter().map(one).collect()

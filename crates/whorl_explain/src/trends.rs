@@ -160,10 +160,8 @@ pub fn trends(
                 });
                 trends.len() - 1
             });
-            let width = prior_stddev(&parameter.group, &parameter.name, model, prior);
-            let own = width.map_or(1.0, |width| {
-                1.0 - (parameter.posterior_stddev / (options.settings.prior_margin * width)).powi(2)
-            });
+            let width = options.settings.prior_margin * parameter.prior_stddev;
+            let own = 1.0 - (parameter.posterior_stddev / width).powi(2);
             if !parameter.at_bound && own > INFORMED {
                 let value = parameter.before + (parameter.estimate - parameter.before) / own;
                 trends[place].estimates.push(Estimate {
@@ -207,15 +205,6 @@ fn widened(model: &PlatformModel, prior: &ModelPrior) -> ModelPrior {
         }
     }
     wide
-}
-
-fn prior_stddev(group: &str, name: &str, model: &PlatformModel, prior: &ModelPrior) -> Option<f64> {
-    let Some(effect) = find(group) else {
-        let axis = ["ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"].iter().position(|own| *own == name)?;
-        return Some(prior.inertia_b_kg_m2[(axis, axis)]);
-    };
-    let spec = effect.parameters(model).into_iter().find(|spec| spec.name == name)?;
-    Some(prior.of_parameter(model, effect, &spec)).filter(|stddev| *stddev > 0.0)
 }
 
 /// Places between runs at which a parameter may change, and a drift where runs of three times show it.

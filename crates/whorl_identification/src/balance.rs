@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Unit, Vector3};
 
-use crate::finding::Finding;
+use whorl_recording::Finding;
 
 /// Something that moves a known weight along a line: a linear actuator, a battery in its slots.
 #[derive(Debug, Clone, PartialEq)]

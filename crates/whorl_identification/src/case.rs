@@ -11,7 +11,7 @@ use crate::parameter_space::Reference;
 use crate::parameter_space::available::Available;
 use crate::selection::Runs;
 use crate::signals::clamped::is_clamped;
-use crate::signals::digits::without_clipped;
+use crate::signals::readings::usable;
 use crate::{DiagnosisError, Options};
 
 /// What is needed of a recording. Whether it holds enough is a matter of information, not of seconds.
@@ -23,6 +23,10 @@ pub(crate) struct Case<'a> {
     held_out: Cow<'a, [Recording]>,
     pub reference: Reference,
     pub available: Available,
+    /// What was left out of them, in sentences.
+    left_out: Vec<String>,
+    /// The model as given.
+    stated: PlatformModel,
     threads: usize,
 }
 
@@ -35,10 +39,26 @@ impl<'a> Case<'a> {
         options: &Options,
     ) -> Result<Self, DiagnosisError> {
         let available = Available::of(training, model);
-        let (training, held_out) = (checked(training, model)?, checked(held_out, model)?);
+        let (training, mut left_out) = checked(training, model)?;
+        let (held_out, of_held_out) = checked(held_out, model)?;
+        left_out.extend(of_held_out);
         let given = Reference::new(model, prior, options.settings);
         let reference = Reference { model: delaying(&given, &available, &training, options)?, ..given };
-        Ok(Self { training, held_out, reference, available, threads: options.threads })
+        Ok(Self {
+            training,
+            held_out,
+            reference,
+            available,
+            left_out,
+            stated: model.clone(),
+            threads: options.threads,
+        })
+    }
+
+    /// What was left out of the recordings, and which low-passes do not delay as the model says.
+    pub fn remarks(&self) -> Vec<String> {
+        let of_low_passes = low_pass::remarks(&self.stated, &self.reference.model);
+        self.left_out.iter().cloned().chain(of_low_passes).collect()
     }
 
     pub fn runs(&self) -> Runs<'_> {
@@ -52,15 +72,15 @@ impl<'a> Case<'a> {
     }
 }
 
-/// Recordings that can be used; without readings of the gyro that pile up at a limit, which show that by themselves.
+/// Recordings that can be used, without readings that say nothing, and what was left out.
 pub(crate) fn checked<'a>(
     recordings: &'a [Recording],
     model: &PlatformModel,
-) -> Result<Cow<'a, [Recording]>, DiagnosisError> {
+) -> Result<(Cow<'a, [Recording]>, Vec<String>), DiagnosisError> {
     for recording in recordings {
         check(recording, model, &NEEDS)?;
     }
-    Ok(without_clipped(recordings, model))
+    Ok(usable(recordings, model))
 }
 
 /// Neither attitude nor momentum can be known: wheels turn, and the gyro is the only sensor.

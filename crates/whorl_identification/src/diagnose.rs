@@ -4,7 +4,6 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_recording::Recording;
 
 use crate::case::{Case, is_blind};
-use crate::fitting::low_pass;
 use crate::selection::Selection;
 use crate::verdict::answer::answer;
 use crate::verdict::missing_channels;
@@ -41,7 +40,7 @@ pub fn diagnose(
     let selection = Selection::new(case.runs(), options, progress)?;
     progress(Progress { share: 0.9, doing: "looking for laws without a name, writing the answer" });
     let mut diagnosis = answer(&selection, (training, held_out), options)?;
-    diagnosis.remarks.extend(low_pass::remarks(model, &case.reference.model));
+    diagnosis.remarks.extend(case.remarks());
     Ok(diagnosis)
 }
 

@@ -42,16 +42,9 @@ pub enum DiagnosisError {
     /// A recording cannot be predicted.
     #[error(transparent)]
     Prediction(#[from] whorl_prediction::PredictionError),
-    /// Numerical trouble.
-    #[error(
-        "{run}: the motion cannot be reconstructed from the data ({what}); check units, axes and time stamps"
-    )]
-    NoTrajectory {
-        /// Name of the run.
-        run: String,
-        /// What failed.
-        what: &'static str,
-    },
+    /// A recording cannot be compared with the model.
+    #[error(transparent)]
+    Comparison(#[from] whorl_validation::ValidationError),
 }
 
 impl DiagnosisError {
@@ -60,7 +53,7 @@ impl DiagnosisError {
     pub(crate) fn possible<T>(result: Result<T, Self>) -> Result<Option<T>, Self> {
         match result {
             Ok(found) => Ok(Some(found)),
-            Err(Self::Model(_) | Self::Effect(_) | Self::NoTrajectory { .. }) => Ok(None),
+            Err(Self::Model(_) | Self::Effect(_)) => Ok(None),
             Err(error) => Err(error),
         }
     }

@@ -17,12 +17,10 @@
 //! Frames, signs and units: see `whorl_math`.
 
 pub mod balance;
-pub mod calibration;
 mod case;
 mod diagnose;
 mod discovery;
 mod error;
-mod finding;
 mod fitting;
 mod grammar;
 mod identification;
@@ -40,17 +38,16 @@ pub(crate) use case::checked;
 pub use diagnose::{diagnose, with_low_passes_that_delay};
 pub use discovery::{Discovery, DiscoveryError, Drawn, DrawnPoint, EvaluatedLaw, FittedValue, discover};
 pub use error::DiagnosisError;
-pub use finding::{DataError, Finding};
 pub use fitting::refit::{Fit, FittedParameter};
 pub use fitting::ties::Tie;
 pub use fitting::{Fitter, fit};
-pub use identification::{
-    Determined, Identification, IdentifiedParameter, UpdateError, identify, predict, usable_readings,
-};
+pub use identification::{Determined, Identification, UpdateError, identify, predict};
 pub use options::{Options, Progress};
 pub use selection::information::{ExpectedInformation, InformationByRun, expected_information};
 pub use settings::{Allowed, Setting, Settings};
+pub use signals::readings::usable_readings;
 pub use verdict::diagnosis::{
     BackgroundTorque, Candidate, Diagnosis, Explanation, FittedSet, NextManoeuvre, NoiseScale,
     ParameterEstimate, ParameterOfSet, SCHEMA, SlowResidual, Termination, Unknown, Verdict,
 };
+pub use whorl_recording::Finding;

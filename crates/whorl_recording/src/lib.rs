@@ -11,6 +11,7 @@ mod component;
 mod consistency;
 mod csv;
 mod error;
+mod finding;
 mod memory;
 mod model;
 mod notes;
@@ -29,6 +30,7 @@ pub use csv::{
     ExportedCsv, ImportedCsv, column_names, export_csv, platform_parts, read_csv, read_csv_beginning,
 };
 pub use error::RecordingError;
+pub use finding::Finding;
 pub use memory::{Circumstances, JetPulses, Samples, recording_of};
 pub use model::{KnownPlatform, load_effects, read_model, usual_rate_hz};
 pub use read::{ReadOptions, nothing_in, read_run, read_run_with};

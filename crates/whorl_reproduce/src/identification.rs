@@ -3,10 +3,9 @@
 use nalgebra::{Unit, Vector3};
 use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, UNITS, mass_vector};
 use whorl_dynamics::{ModelPrior, PlatformModel};
-use whorl_identification::{Identification, identify};
+use whorl_identification::{Identification, Options, identify};
 use whorl_math::attitude_from_vertical;
 use whorl_math::statistics::median;
-use whorl_prediction::Settings;
 use whorl_report::Reproduction;
 
 use crate::data::{measured, rigid_whorl_1};
@@ -131,7 +130,7 @@ pub fn filtered(vector: bool) -> Reproduction {
     let mut loose = ModelPrior::typical(&slow);
     loose.inertia_b_kg_m2 *= 10.0;
     loose.gravity_offset_b_n_m *= 10.0;
-    let found = identify(&[&run], &slow, &loose, &Settings::default());
+    let found = identify(std::slice::from_ref(&run), &slow, &loose, &Options::default());
     let mut ours = regressions.unwrap_or_else(|_| vec![missing(); 3]);
     ours.push(found.as_ref().map_or_else(|_| missing(), |f| f.estimate));
     let names = ["torque", "momentum", "torque, total least squares", "likelihood, same data"];
@@ -198,7 +197,7 @@ pub fn manoeuvre() -> Reproduction {
         }
         let mut estimates = Vec::new();
         for seed in SEEDS {
-            match identify(&[&measured(&exact, &model, seed, 10)], &off, &prior, &Settings::default()) {
+            match identify(&[measured(&exact, &model, seed, 10)], &off, &prior, &Options::default()) {
                 Ok(found) => {
                     if estimates.is_empty() {
                         sentences.push(format!(

@@ -13,10 +13,9 @@
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, mass_vector};
 use whorl_dynamics::{ModelPrior, PlatformModel};
-use whorl_identification::identify;
+use whorl_identification::{Options, identify};
 use whorl_math::attitude_from_vertical;
 use whorl_math::statistics::median;
-use whorl_prediction::Settings;
 use whorl_recording::Recording;
 use whorl_report::ReproducedPlot;
 
@@ -108,7 +107,9 @@ impl SweptRun {
         let mut loose = ModelPrior::typical(&self.sensors);
         loose.inertia_b_kg_m2 *= 10.0;
         loose.gravity_offset_b_n_m *= 10.0;
-        let found = identify(&[&self.recording], &self.sensors, &loose, &Settings::default()).ok()?;
+        let found =
+            identify(std::slice::from_ref(&self.recording), &self.sensors, &loose, &Options::default())
+                .ok()?;
         let excited = [0, 1, 3, 6, 7, 8];
         Some(
             excited

@@ -1,9 +1,9 @@
 //! Figures 4.7-4.9.
 
 use nalgebra::Vector3;
+use whorl_calibration::{CalibrationSettings, calibrate_imu, chi_squared_test};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::platform::SensorSuite;
-use whorl_identification::calibration::{CalibrationSettings, calibrate_imu, chi_squared_test};
 use whorl_math::GRAVITY_M_S2;
 use whorl_math::statistics::{chi_squared_probability, chi_squared_quantile, normal_probability};
 use whorl_recording::Recording;
@@ -228,7 +228,7 @@ pub fn histogram() -> Reproduction {
         .map(|_| gyro.reading(&Vector3::zeros(), &gyro.bias, &noise.vector()).x.to_degrees())
         .collect();
     let Some(test) = chi_squared_test(&samples, 0.01) else { return Reproduction::default() };
-    let bars = |of: &dyn Fn(&whorl_identification::calibration::Bin) -> f64| {
+    let bars = |of: &dyn Fn(&whorl_calibration::Bin) -> f64| {
         let inner = test.bins.iter().filter(|b| b.from.is_finite() && b.to.is_finite());
         inner.flat_map(|b| [(b.from, of(b)), (b.to, of(b))]).collect::<Vec<_>>()
     };

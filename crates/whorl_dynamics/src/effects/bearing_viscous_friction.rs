@@ -39,8 +39,4 @@ impl Effect for BearingViscousFriction {
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
         -Friction::of(values).c_n_m_s * environment.omega_wb_b_rad_s
     }
-
-    fn is_identified_with_mass(&self) -> bool {
-        true
-    }
 }

@@ -194,12 +194,6 @@ pub trait Effect: Sync + fmt::Debug {
         false
     }
 
-    /// Whether every identification of mass properties fits it beside them: no platform is without it, and what it
-    /// does looks like inertia.
-    fn is_identified_with_mass(&self) -> bool {
-        false
-    }
-
     /// What it adds to the inertia matrix, body axes [kg m^2], whether a body can have the sum or not.
     fn added_inertia_b_kg_m2(&self, _values: &[f64]) -> Matrix3<f64> {
         Matrix3::zeros()

@@ -1,7 +1,7 @@
 //! A calibration of sensors, as entries of the platform's parameter file.
 
 use nalgebra::Vector3;
-use whorl_identification::calibration::{ImuCalibration, PerAxis, SensorCalibration};
+use whorl_calibration::{ImuCalibration, PerAxis, SensorCalibration};
 use whorl_math::three_digits;
 use whorl_params::Value;
 

@@ -11,16 +11,6 @@ use crate::selection::{Beside, Evaluated, Runs, Selection, Told};
 use crate::signals::observed::Applied;
 use crate::{DiagnosisError, Options};
 
-/// Slow quantities that the recordings hold, all of them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Recorded {
-    pub pressure: bool,
-    pub voltage: bool,
-    pub temperature: bool,
-    /// Torques of the wheels' motors.
-    pub wheel_commands: bool,
-}
-
 /// Makes what columns push, step by step of a run: the environment, the time since the step before \[s\], and where to append it.
 pub(super) type Pushing<'a> = Box<dyn FnMut(&Environment<'_>, f64, &mut Vec<Push>) + Send + 'a>;
 
@@ -123,16 +113,6 @@ impl<'a> Bench<'a> {
 
     fn base(&self) -> &Evaluated {
         self.selection.base()
-    }
-
-    pub fn recorded(&self) -> Recorded {
-        let all = || self.runs().training.iter().chain(self.runs().held_out);
-        Recorded {
-            pressure: all().all(|run| run.tank_pressure_pa.len() > 1),
-            voltage: all().all(|run| run.bus_voltage_v.len() > 1),
-            temperature: all().all(|run| run.temperature_k.len() > 1),
-            wheel_commands: all().all(|run| !run.wheel_torque_command_n_m.is_empty()),
-        }
     }
 
     /// Duration of the shortest run \[s\].

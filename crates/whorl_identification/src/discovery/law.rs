@@ -7,7 +7,7 @@ use whorl_dynamics::effects::written::{
 
 use super::DiscoveryError;
 use super::search::{Ground, Proposal};
-use super::terms::{Direction, Term, two_digits};
+use crate::grammar::terms::{Direction, Term, two_digits};
 
 /// Largest plausible coefficient, over the one that was found.
 const LARGEST: f64 = 100.0;
@@ -177,7 +177,7 @@ pub(super) fn curve_of(
     let curve = WrittenCurve {
         name: "torque".to_owned(),
         of: variable.text.clone(),
-        of_unit: variable.unit.clone(),
+        of_unit: variable.unit.to_owned(),
         knots,
         unit: "N m".to_owned(),
         largest: 10.0 * size_n_m,

@@ -3,7 +3,7 @@
 //! Where a model lacks something that no effect of the catalogue explains, [`discover`] searches for its law: terms of
 //! recorded variables (powers, signs, saturations, dead zones, products, lags) about axes of body or room, along the rate,
 //! or on the wheels, up to three together. Every term is a column of the causal filter by which a diagnosis evaluates everything, so it
-//! competes under the same evidence as the catalogue's effects, beside the platform's own parameters; every symbol has a log-prior penalty (`terms.rs`). The best become effects of the catalogue, written as data, and
+//! competes under the same evidence as the catalogue's effects, beside the platform's own parameters; every symbol has a log-prior penalty (`grammar/terms.rs`). The best become effects of the catalogue, written as data, and
 //! are evaluated where each fits best, together with the model as it is, the catalogue's nearest effects, and a measured curve
 //! for where there is no law.
 
@@ -11,7 +11,6 @@ mod bench;
 mod law;
 mod search;
 mod signals;
-mod terms;
 #[cfg(test)]
 mod tests;
 
@@ -24,6 +23,8 @@ use whorl_prediction::Push;
 use whorl_recording::Recording;
 
 use crate::case::Case;
+use crate::grammar::terms;
+use crate::grammar::variable::{Recorded, Variable, moving, possible};
 use crate::{DiagnosisError, Options};
 use bench::{Bench, FittedLaw};
 use law::{Law, curve_of, law_of};
@@ -152,12 +153,14 @@ pub fn discover(
     say(0.0, "fitting the platform's own parameters");
     let case = Case::new(training, held_out, model, prior, options)?;
     let bench = Bench::new(case.runs(), options)?;
-    let possible = terms::possible(model, &bench.recorded());
-    let formulas: Vec<Formula> = possible.iter().map(|v| Formula::new(&v.text)).collect::<Result<_, _>>()?;
-    let none = vec![0.0; formulas.len()];
-    let seen =
-        bench.over_runs(&none, |largest, environment, _| terms::grow(largest, &formulas, environment))?;
-    let variables = terms::moving(possible, &seen);
+    let recorded = Recorded::of(training.iter().chain(held_out));
+    let possible = possible(model, &recorded);
+    let seen = bench.over_runs(&vec![0.0_f64; possible.len()], |largest, environment, _| {
+        for (largest, variable) in largest.iter_mut().zip(&possible) {
+            *largest = largest.max(variable.number(environment).abs());
+        }
+    })?;
+    let variables = moving(possible, &seen);
     let ground = Ground {
         bench: &bench,
         largest_rate_rad_s: variables.iter().find(|v| v.text == "norm(rate)").map_or(0.0, |v| v.largest),
@@ -403,7 +406,7 @@ fn drawn(
 /// The law's factor as a function of its variable, where it is one term.
 fn law_over<'l>(
     term: &'l terms::Term,
-    variable: &'l terms::Variable,
+    variable: &'l Variable,
     best: Option<&'l EvaluatedLaw>,
 ) -> Option<impl Fn(f64) -> f64 + 'l> {
     let law = best.filter(|law| law.parameters.iter().filter(|p| p.name.starts_with('k')).count() == 1)?;

@@ -5,16 +5,15 @@ use rayon::prelude::*;
 use super::DiscoveryError;
 use super::bench::{Bench, Regression};
 use super::signals::{Column, Signals};
-use super::terms::{Direction, Term, Variable, compound_terms, single_terms};
+use crate::grammar::SIZES;
+use crate::grammar::terms::{Direction, Term, compound_terms, single_terms};
+use crate::grammar::variable::Variable;
 
 /// Columns that pass through the filter together: they share memory.
 const TOGETHER: usize = 192;
 
 /// Terms that are combined with each other.
 const COMBINED: usize = 140;
-
-/// Prior sizes of coefficients that are tried, in units of the columns.
-const SIZES: [f64; 4] = [0.3, 3.0, 30.0, 300.0];
 
 /// A further term must bring so much log evidence after its log-prior penalty.
 const WORTH_A_TERM: f64 = 3.0;

@@ -7,10 +7,8 @@ use whorl_prediction::Push;
 
 use super::DiscoveryError;
 use super::bench::{Bench, Pushing};
-use super::terms::{Direction, Term};
-
-/// Share of the torque at work that a column has as root mean square.
-const SHARE: f64 = 0.02;
+use crate::grammar::SHARE;
+use crate::grammar::terms::{Direction, Term};
 
 /// A term as one column of the regression, or one for each wheel.
 #[derive(Debug, Clone)]

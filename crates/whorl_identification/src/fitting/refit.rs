@@ -43,6 +43,8 @@ pub struct FittedParameter {
     pub before: f64,
     /// Estimate.
     pub estimate: f64,
+    /// Standard deviation before the fit; of an effect that the given model does not have the catalogue's, times the size with which it enters.
+    pub prior_stddev: f64,
     /// Standard deviation of the estimate: not above that of the prior; of a constant of the platform that of the prior, where the
     /// fit leaves something unexplained.
     pub stddev: f64,
@@ -188,6 +190,7 @@ impl<'a> Refit<'a> {
                 unit: column.unit.to_owned(),
                 before,
                 estimate,
+                prior_stddev: if given > 0.0 { given } else { self.stddevs[i] * column.scale },
                 stddev,
                 posterior_stddev,
                 at_bound: fitted.at_bound.get(i).copied().unwrap_or(false),
@@ -228,7 +231,7 @@ impl<'a> Refit<'a> {
         let spec = effect.parameters(model).into_iter().nth(column.index).filter(|_| !is_given);
         if let Some((base, part)) = spec.and_then(|spec| Some((spec.base?, spec.part))) {
             base.set_stddev(prior, part, stddev);
-        } else if !is_of_platform(column) {
+        } else if is_given || !is_of_platform(column) {
             prior.effects.entry(column.group.to_owned()).or_default().insert(column.name.clone(), stddev);
         }
     }

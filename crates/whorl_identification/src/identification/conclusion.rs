@@ -1,133 +1,148 @@
-//! A fit in the user's units, with its uncertainty.
+//! A fit as a statement about the nine mass properties.
 
 use nalgebra::{DMatrix, SymmetricEigen};
-use whorl_dynamics::ModelPrior;
+use whorl_dynamics::effects::BasePrior;
+use whorl_dynamics::mass_parameters::{
+    MASS_PARAMETERS, MassCovariance, MassVector, mass_vector, prior_stddev,
+};
 use whorl_prediction::Fitted;
 use whorl_recording::Recording;
 
-use super::findings;
-use super::parameters::{Free, Kind, Parameters};
-use super::{Determined, Identification, IdentifiedParameter};
-use crate::finding::Finding;
-use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, MassCovariance, MassVector, inertia_b_kg_m2};
-use whorl_dynamics::realisability::smallest_density_moment_kg_m2;
+use super::{Determined, Identification, findings};
+use crate::case::Case;
+use crate::fitting::refit::{Fit, FittedParameter, Refit};
+use crate::parameter_space::{Column, Reference, Target, is_base};
+use whorl_recording::Finding;
 
-/// A fit that has ended.
-pub(super) struct Fit<'a> {
-    pub parameters: Parameters<'a>,
-    pub prior: &'a ModelPrior,
-    pub fitted: Fitted,
-    /// Prediction errors with the given model, and with what was identified.
-    pub errors: (Option<f64>, Option<f64>),
-    pub recordings: &'a [Recording],
-    pub findings: Vec<Finding>,
+/// What a fitted parameter is of a platform.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// One of the nine, by its position.
+    Mass(usize),
+    /// A parameter of an effect that the model has.
+    OfEffect,
+    /// A correction of a constant of wheels, jets or gyros.
+    Actuator,
 }
 
-pub(super) fn conclude(fit: &Fit<'_>) -> Identification {
-    let (parameters, at) = (&fit.parameters, &fit.fitted.at);
-    let free = &parameters.free;
-    // Data do not take away what was known before them.
-    let stddev_units = fit.fitted.covariance.diagonal().map(|v| v.max(0.0).sqrt().min(1.0));
-    let covariance = of_mass(&fit.fitted.covariance, free, &|_| true);
-    let known = known_actuators(&fit.fitted.covariance, free);
-    let prior_stddev = parameters.prior_stddev;
+impl Kind {
+    fn of(column: &Column, reference: &Reference) -> Self {
+        let element = |row: usize, column: usize| match (row.min(column), row.max(column)) {
+            (0, column) => Self::Mass(column),
+            (1, column) => Self::Mass(2 + column),
+            _ => Self::Mass(5),
+        };
+        let effect = match column.target {
+            Target::Moment(axis) => return element(axis, axis),
+            Target::Effect(effect) => effect,
+        };
+        if !is_base(column.group) || reference.model.effects.contains_key(column.group) {
+            return Self::OfEffect;
+        }
+        match effect.parameters(&reference.model).get(column.index).and_then(|spec| spec.base) {
+            Some(BasePrior::Inertia(row, column)) => element(row, column),
+            Some(BasePrior::GravityOffset(axis)) => Self::Mass(6 + axis),
+            _ => Self::Actuator,
+        }
+    }
+}
+
+pub(super) fn conclude(
+    case: &Case<'_>,
+    refit: &Refit<'_>,
+    fitted: &Fitted,
+    fit: Fit,
+    errors: (Option<f64>, Option<f64>),
+    mut found: Vec<Finding>,
+) -> Identification {
+    let kinds: Vec<Kind> = refit.columns.iter().map(|column| Kind::of(column, refit.reference)).collect();
+    let in_units = covariance(&fit.estimates, fitted);
+    let covariance = of_mass(&in_units, &kinds);
+    let known_actuators = known_actuators(&in_units, &kinds);
+    let is_fitted = |i: usize| kinds.contains(&Kind::Mass(i));
+    let of_prior = prior_stddev(&refit.reference.prior);
+    let prior_stddev = MassVector::from_fn(|i, _| if is_fitted(i) { of_prior[i] } else { 0.0 });
     let stddev = covariance.diagonal().map(f64::sqrt);
     let determined = std::array::from_fn(|i| Determined::of(stddev[i], prior_stddev[i]));
     let (singular_values, combinations) = informed(&covariance, &prior_stddev);
-    let (found, estimate) = (parameters.mass_at(at), parameters.body_at(at));
-    let moved = smallest_density_moment_kg_m2(&inertia_b_kg_m2(&found)) < 0.0;
-    let beside = |kinds: &[Kind]| -> Vec<IdentifiedParameter> {
-        let all = free.iter().enumerate().filter(|(_, free)| kinds.contains(&free.kind));
-        let described = |(n, free): (usize, &Free)| {
-            let (effect, spec) = free.of.as_ref()?;
-            Some(IdentifiedParameter {
-                effect: effect.info().id,
-                name: spec.name.clone(),
-                unit: spec.unit,
-                before: free.given,
-                value: free.value(at[n]),
-                stddev: stddev_units[n] * free.stddev,
-                prior_stddev: free.stddev,
-                determined: Determined::of(stddev_units[n], 1.0),
-                // An effect that is not there stays where it was: at none.
-                at_bound: fit.fitted.at_bound.get(n) == Some(&true) && at[n] != 0.0,
-            })
+    let of_kind = |wanted: Kind| -> Vec<FittedParameter> {
+        let all = fit.estimates.iter().zip(&kinds).filter(|(_, kind)| **kind == wanted);
+        // An effect that is not there stays where it was: at none.
+        let said = |(p, _): (&FittedParameter, _)| FittedParameter {
+            at_bound: p.at_bound && p.estimate != p.before,
+            ..p.clone()
         };
-        all.filter_map(described).collect()
+        all.map(said).collect()
     };
-    let (effects, actuators) = (beside(&[Kind::OfModel, Kind::Beside]), beside(&[Kind::Actuator]));
-    let mut all = fit.findings.clone();
-    all.extend(findings::of_errors(fit.errors));
-    if moved {
-        let misses = (estimate - found).component_div(&stddev.map(|s| s.max(f64::MIN_POSITIVE))).amax();
-        all.push(Finding {
-            fatal: misses > 4.0,
-            text: format!("No rigid body has the inertia that fits best; the nearest possible one was taken, {misses:.1} standard deviations away."),
-        });
+    let (effects, actuators) = (of_kind(Kind::OfEffect), of_kind(Kind::Actuator));
+    let (before, estimate) =
+        (mass_vector(&refit.reference.model.mass_properties), mass_vector(&fit.model.mass_properties));
+    found.extend(findings::of_errors(errors));
+    found.extend(findings::of_ends(effects.iter().chain(&actuators)));
+    if fit.is_explained {
+        found.extend(findings::of_excitation(&determined, &prior_stddev, &stddev));
     }
-    all.extend(findings::of_ends(effects.iter().chain(&actuators)));
-    all.extend(findings::of_excitation(&determined, &prior_stddev, &stddev));
-    let before = parameters.mass_at(&vec![0.0; at.len()]);
-    all.extend(findings::of_prior(&(estimate - before), &prior_stddev, &determined));
-    all.sort_by_key(|f| !f.fatal);
+    found.extend(findings::of_prior(&(estimate - before), &prior_stddev, &determined));
+    found.sort_by_key(|f| !f.fatal);
     Identification {
         estimate,
         covariance,
-        stddev_known_actuators: known.diagonal().map(f64::sqrt),
+        stddev_known_actuators: known_actuators.diagonal().map(f64::sqrt),
         prior_stddev,
         determined,
         singular_values,
         combinations,
         effects,
         actuators,
-        error_before: fit.errors.0,
-        error_after: fit.errors.1,
-        gain_nats: gain(&fit.fitted),
-        duration_s: fit.recordings.iter().map(Recording::duration_s).sum(),
-        moved_to_realisable: moved,
-        findings: all,
-        updated: parameters
-            .written(at)
-            .map(|model| (model, parameters.known_after(fit.prior, &stddev_units))),
+        error_before: errors.0,
+        error_after: errors.1,
+        gain_nats: gain(refit, fitted),
+        duration_s: case.training.iter().map(Recording::duration_s).sum(),
+        findings: found,
+        fit,
     }
 }
 
 /// What the recordings gain: without what the prior takes from values that are far from it.
-fn gain(fitted: &Fitted) -> f64 {
-    let pulled: f64 = fitted.at.iter().map(|units| 0.5 * units * units).sum();
+fn gain(refit: &Refit<'_>, fitted: &Fitted) -> f64 {
+    let pulled: f64 =
+        fitted.at.iter().zip(&refit.stddevs).map(|(x, stddev)| 0.5 * (x / stddev).powi(2)).sum();
     fitted.log_posterior + pulled - fitted.log_posterior_before
 }
 
-/// The block of the nine of a covariance in units; zero where one is not fitted.
-fn of_mass(covariance: &DMatrix<f64>, free: &[Free], takes: &dyn Fn(usize) -> bool) -> MassCovariance {
+/// Covariance of all that was fitted, in their own units, with the deviations that are said of each.
+fn covariance(estimates: &[FittedParameter], fitted: &Fitted) -> DMatrix<f64> {
+    let posterior = fitted.covariance.diagonal().map(f64::sqrt);
+    DMatrix::from_fn(estimates.len(), estimates.len(), |i, j| {
+        fitted.covariance[(i, j)] / (posterior[i] * posterior[j]) * estimates[i].stddev * estimates[j].stddev
+    })
+}
+
+/// The block of the nine; zero where one is not fitted.
+fn of_mass(covariance: &DMatrix<f64>, kinds: &[Kind]) -> MassCovariance {
     let mut block = MassCovariance::zeros();
-    for (n, a) in free.iter().enumerate().filter(|(n, _)| takes(*n)) {
-        for (m, b) in free.iter().enumerate().filter(|(m, _)| takes(*m)) {
-            if let (Kind::Mass(i), Kind::Mass(j)) = (a.kind, b.kind) {
-                block[(i, j)] = covariance[(n, m)] * a.stddev * b.stddev;
+    for (n, a) in kinds.iter().enumerate() {
+        for (m, b) in kinds.iter().enumerate() {
+            if let (Kind::Mass(i), Kind::Mass(j)) = (a, b) {
+                block[(*i, *j)] = covariance[(n, m)];
             }
         }
     }
     block
 }
 
-/// The same with the actuators held where they are.
-fn known_actuators(covariance: &DMatrix<f64>, free: &[Free]) -> MassCovariance {
-    let kept: Vec<usize> = (0..free.len()).filter(|n| free[*n].kind != Kind::Actuator).collect();
-    let Some(information) = covariance.clone().cholesky().map(|factor| factor.inverse()) else {
-        return of_mass(covariance, free, &|_| true);
+/// The same with the actuators held where they are: C_kk - C_ka C_aa^-1 C_ak.
+fn known_actuators(covariance: &DMatrix<f64>, kinds: &[Kind]) -> MassCovariance {
+    let of = |actuators: bool| -> Vec<usize> {
+        (0..kinds.len()).filter(|n| (kinds[*n] == Kind::Actuator) == actuators).collect()
     };
-    let own = information.select_rows(&kept).select_columns(&kept);
-    let Some(own) = own.cholesky().map(|factor| factor.inverse()) else {
-        return of_mass(covariance, free, &|_| true);
-    };
-    let mut whole = DMatrix::zeros(free.len(), free.len());
-    for (a, n) in kept.iter().enumerate() {
-        for (b, m) in kept.iter().enumerate() {
-            whole[(*n, *m)] = own[(a, b)];
-        }
+    let (kept, held) = (of(false), of(true));
+    let block = |rows: &[usize], columns: &[usize]| covariance.select_rows(rows).select_columns(columns);
+    let mut own = block(&kept, &kept);
+    if let Some(factor) = block(&held, &held).cholesky() {
+        own -= block(&kept, &held) * factor.solve(&block(&held, &kept));
     }
-    of_mass(&whole, free, &|n| free[n].kind != Kind::Actuator)
+    of_mass(&own, &kept.iter().map(|n| kinds[*n]).collect::<Vec<_>>())
 }
 
 /// Singular values of the data's information over the prior's, and their directions: with the posterior

@@ -2,9 +2,10 @@
 
 use whorl_validation::Comparison;
 
-use super::{Determined, IdentifiedParameter};
-use crate::finding::Finding;
+use super::Determined;
+use crate::fitting::refit::FittedParameter;
 use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES};
+use whorl_recording::Finding;
 
 /// Prediction errors that are so many times what the model says are no consequence of its noise.
 const UNEXPLAINED: f64 = 3.0;
@@ -12,20 +13,40 @@ const UNEXPLAINED: f64 = 3.0;
 const WORTH_SAYING: f64 = 1.2;
 
 /// Of the recordings with what was identified; each is the run of this name, or a piece of it.
-pub(super) fn of_fit(after: &[Comparison], of_run: &[String]) -> Vec<Finding> {
-    let mut findings: Vec<Finding> = Vec::new();
-    for (run, of_run) in after.iter().zip(of_run) {
-        if run.unexplained.is_some() {
-            findings.push(Finding::warning(format!(
-                "{}: a torque remains that the model does not have: {}. `whorl diagnose` looks for what it is; the uncertainties allow for it as for a force that comes and goes within a second.",
+pub(super) fn of_fit(
+    after: &[Comparison],
+    of_run: &[String],
+    is_explained: bool,
+    stands: bool,
+) -> Vec<Finding> {
+    let unexplained = after.iter().filter(|run| run.unexplained.is_some());
+    let mut findings: Vec<Finding> = unexplained
+        .map(|run| {
+            Finding::warning(format!(
+                "{}: a torque remains that the model does not have: {}. `whorl diagnose` looks for what it is.",
                 run.run, run.unexplained
-            )));
-        }
-        // What a recording lacks, all its pieces lack.
-        for remark in run.remarks.iter().map(|text| Finding::warning(format!("{of_run}: {text}"))) {
-            if !findings.contains(&remark) {
-                findings.push(remark);
-            }
+            ))
+        })
+        .collect();
+    if !is_explained {
+        findings.push(Finding::warning(
+            "A random torque remains beside these values. While what it is is missing, the platform's constants are biased by it: they keep the uncertainty that they had.".to_owned(),
+        ));
+    }
+    if !stands {
+        findings.push(Finding::warning(
+            "The fit has not converged: another run of it from these values may find likelier ones."
+                .to_owned(),
+        ));
+    }
+    // What a recording lacks, all its pieces lack.
+    let remarks = after
+        .iter()
+        .zip(of_run)
+        .flat_map(|(run, name)| run.remarks.iter().map(move |text| format!("{name}: {text}")));
+    for remark in remarks.map(Finding::warning) {
+        if !findings.contains(&remark) {
+            findings.push(remark);
         }
     }
     findings
@@ -47,9 +68,9 @@ pub(super) fn of_errors((before, after): (Option<f64>, Option<f64>)) -> Option<F
 }
 
 /// Of parameters that stay at an end of their range.
-pub(super) fn of_ends<'a>(parameters: impl Iterator<Item = &'a IdentifiedParameter>) -> Option<Finding> {
+pub(super) fn of_ends<'a>(parameters: impl Iterator<Item = &'a FittedParameter>) -> Option<Finding> {
     let at_ends: Vec<String> =
-        parameters.filter(|p| p.at_bound).map(|p| format!("{} {}", p.effect, p.name)).collect();
+        parameters.filter(|p| p.at_bound).map(|p| format!("{} {}", p.group, p.name)).collect();
     (!at_ends.is_empty())
         .then(|| Finding::warning(format!("At an end of what is plausible: {}.", at_ends.join(", "))))
 }

@@ -11,7 +11,7 @@ use whorl_math::three_digits;
 use whorl_prediction::{Parameter, PredictionError, Settings, fit};
 use whorl_recording::{Recording, Series};
 
-use crate::finding::Finding;
+use whorl_recording::Finding;
 
 /// Freedom of a wheel's strength over the model's, one standard deviation: the sign may be wrong, and a unit.
 const LOOSE_STRENGTH: f64 = 2.0;

@@ -64,7 +64,7 @@ pub fn expected_information(
     let model = options.delaying.as_ref().unwrap_or(model);
     // Actuators and sensors that only the further recordings have make more effects testable.
     let available = Available::of(training, model).or(&Available::of(further, model));
-    let (training, further) = (checked(training, model)?, checked(further, model)?);
+    let (training, further) = (checked(training, model)?.0, checked(further, model)?.0);
     let reference = Reference::new(model, prior, options.settings);
     let runs = Runs {
         training: &training,

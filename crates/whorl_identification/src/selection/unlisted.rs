@@ -14,7 +14,9 @@ use whorl_prediction::{
 use whorl_recording::Recording;
 
 use crate::fitting::normal_equations::{Estimate, Normal};
-use crate::grammar::{At, Column, Law, Shape, columns_of, laws, push, shapes};
+use crate::grammar::SIZES;
+use crate::grammar::unlisted::{At, Column, Law, Shape, columns_of, laws, push, shapes};
+use crate::grammar::variable::Variable;
 use crate::selection::hypothesis::{Evaluated, Runs};
 use crate::signals::lines::Lines;
 use crate::signals::observed::{Applied, Observed};
@@ -25,9 +27,6 @@ use crate::{DiagnosisError, threads};
 const BACKGROUND: f64 = 0.3;
 /// Its correlation times \[s\]: those of draughts and of floors that tilt, two of the predictor's.
 const BACKGROUND_S: [f64; 2] = [3.0, 30.0];
-
-/// Prior sizes that are tried, in units of a law's columns.
-const SIZES: [f64; 4] = [0.3, 3.0, 30.0, 300.0];
 
 /// Laws beside a set that are kept, likeliest first.
 const MOST_LAWS: usize = 12;
@@ -42,6 +41,7 @@ pub(crate) struct Unlisted {
 
 /// Laws of all runs.
 struct Tried {
+    variables: Vec<Variable>,
     groups: Vec<Vec<Shape>>,
     columns: Vec<Column>,
     laws: Vec<Law>,
@@ -59,9 +59,9 @@ pub(crate) fn laws_beside(
     let refit = set.refit(reference);
     let Some(model) = refit.model_at(&set.fitted.at) else { return Ok(Vec::new()) };
     let applied = Applied::of(observed, &model, settings.at_work_s);
-    let groups = shapes(observed, &model, lines);
+    let (variables, groups) = shapes(observed, &model, lines);
     let columns = columns_of(&groups);
-    let tried = Tried { laws: laws(&groups, &columns), groups, columns };
+    let tried = Tried { laws: laws(&groups, &columns), variables, groups, columns };
     let Some(normal) = DiagnosisError::possible(normal_of(runs, set, &tried, observed, &applied))? else {
         return Ok(Vec::new());
     };
@@ -120,7 +120,7 @@ fn normal_of(
     let with_angles = tried.groups.iter().flatten().any(|shape| shape.variable.ends_with("_angle"));
     let of_run = |run| {
         Laws::new(tried.columns.len(), apart, move |plant, pushes| {
-            let here = At::plant(run, plant, with_angles);
+            let here = At::plant(&tried.variables, run, plant, with_angles);
             let all = tried.columns.iter();
             pushes.extend(all.map(|column| push(&tried.groups, column, &here, applied)));
         })
@@ -176,7 +176,7 @@ impl Tried {
         let (mut square, mut count) = (0.0, 0.0);
         for run in observed {
             for k in 0..run.motion.time_s.len() {
-                let here = At::motion(run, model, k);
+                let here = At::motion(&self.variables, run, model, k);
                 let added =
                     |(column, amount): &(&Column, f64)| match push(&self.groups, column, &here, applied) {
                         Push::Body(v) | Push::Gyro(v) | Push::Turn(v) => v * *amount,

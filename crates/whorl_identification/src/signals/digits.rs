@@ -1,17 +1,13 @@
 //! The numbers in which the gyro reads: where its readings pile up, and the steps of its output.
 
-use std::borrow::Cow;
-
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
 use whorl_recording::Recording;
 
-use crate::signals::clamped::is_clamped;
-
 /// How far a reading may be from a whole multiple of a step, in steps.
 const OFF_GRID: f64 = 0.02;
 /// How far readings at the end of a range may be apart, as a share of it.
-const AT_END: f64 = 1e-9;
+pub(super) const AT_END: f64 = 1e-9;
 
 /// What the gyro's readings show of the numbers in which it reads.
 #[derive(Debug, Clone, Copy, Default)]
@@ -24,27 +20,6 @@ pub(crate) struct Digits {
     pub step_rad_s: f64,
     /// Log evidence of that: of readings without steps few are close to multiples of one.
     pub step_nats: f64,
-}
-
-/// The same recordings without readings of the gyro that pile up at a limit.
-pub(crate) fn without_clipped<'a>(
-    recordings: &'a [Recording],
-    model: &PlatformModel,
-) -> Cow<'a, [Recording]> {
-    let limit = |run: &Recording| {
-        (!is_clamped(run, model)).then(|| digits_of_gyro(run, model).clips_at_rad_s).flatten()
-    };
-    let limits: Vec<Option<f64>> = recordings.iter().map(limit).collect();
-    if limits.iter().all(Option::is_none) {
-        return Cow::Borrowed(recordings);
-    }
-    let mut kept = recordings.to_vec();
-    for (run, limit) in kept.iter_mut().zip(limits).filter_map(|(run, limit)| Some((run, limit?))) {
-        let series = &mut run.gyro_b_rad_s;
-        let all = std::mem::take(&mut series.time_s).into_iter().zip(std::mem::take(&mut series.value));
-        (series.time_s, series.value) = all.filter(|(_, rate)| rate.amax() < limit * (1.0 - AT_END)).unzip();
-    }
-    Cow::Owned(kept)
 }
 
 /// Where the gyro's readings pile up at their largest, and the step of its output.

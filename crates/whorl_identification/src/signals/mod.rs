@@ -12,6 +12,7 @@ pub(crate) mod modes;
 pub(crate) mod observed;
 mod pulse_answers;
 pub(crate) mod pulses;
+pub(crate) mod readings;
 mod remains;
 pub(crate) mod seen;
 pub(crate) mod spectrum;

@@ -2,19 +2,26 @@
 
 use std::ops::Range;
 
-use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_dynamics::{Gyrostat, ModelPrior, PlatformModel};
 use whorl_recording::Recording;
 
 use super::simulation::{at_balance, record, swinging, wrong_model};
 use whorl_prediction::Refusal;
 
 use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, NAMES, mass_vector};
-use whorl_prediction::Settings;
 
-use crate::{DataError, Determined, Identification, identify};
+use crate::{Determined, DiagnosisError, Identification, Options, identify};
 
 fn run_of(truth: &PlatformModel, seed: u64) -> Recording {
     record(truth, at_balance(truth), 100.0, seed, &swinging)
+}
+
+fn identified(
+    run: &Recording,
+    model: &PlatformModel,
+    prior: &ModelPrior,
+) -> Result<Identification, DiagnosisError> {
+    identify(std::slice::from_ref(run), model, prior, &Options::default())
 }
 
 /// Ten times the usual uncertainty, so that the result comes from the data.
@@ -67,9 +74,7 @@ fn all_nine_parameters(seeds: u64, band: Range<f64>) {
         }
         for seed in 1..=seeds {
             let model = wrong_model(&truth);
-            let found =
-                identify(&[&run_of(&truth, seed)], &model, &known_actuators(&truth), &Settings::default())
-                    .unwrap();
+            let found = identified(&run_of(&truth, seed), &model, &known_actuators(&truth)).unwrap();
             print(&truth, &found);
             assert!(found.usable(), "{:?}", found.findings);
             let t = mass_vector(&truth.mass_properties);
@@ -113,7 +118,7 @@ fn speeds_of_wheels_do(seeds: u64, band: Range<f64>) {
             wheel.viscous_friction_n_m_s *= 3.0;
             wheel.max_torque_n_m *= 0.1;
         }
-        let found = identify(&[&run], &model, &known_actuators(&truth), &Settings::default()).unwrap();
+        let found = identified(&run, &model, &known_actuators(&truth)).unwrap();
         print(&truth, &found);
         assert!(found.usable(), "{:?}", found.findings);
         let (t, stddev) = (mass_vector(&truth.mass_properties), found.stddev());
@@ -147,7 +152,7 @@ fn speeds_of_wheels_do_in_more_runs_where_their_commands_are_missing() {
 fn a_still_platform_determines_next_to_nothing() {
     let truth = PlatformModel::whorl_1_reference();
     let run = record(&truth, at_balance(&truth), 40.0, 2, &|_| vec![0.0; 3]);
-    let found = identify(&[&run], &truth, &ModelPrior::typical(&truth), &Settings::default()).unwrap();
+    let found = identified(&run, &truth, &ModelPrior::typical(&truth)).unwrap();
     print(&truth, &found);
     for (name, determined) in NAMES.iter().zip(found.determined).take(6) {
         assert_ne!(determined, Determined::Yes, "{name}");
@@ -160,8 +165,7 @@ fn a_still_platform_determines_next_to_nothing() {
 fn what_is_not_excited_is_not_claimed() {
     let truth = PlatformModel::whorl_1_reference();
     let run = record(&truth, at_balance(&truth), 60.0, 3, &|t| vec![0.03 * (1.1 * t).sin(), 0.0, 0.0]);
-    let found =
-        identify(&[&run], &wrong_model(&truth), &ModelPrior::typical(&truth), &Settings::default()).unwrap();
+    let found = identified(&run, &wrong_model(&truth), &ModelPrior::typical(&truth)).unwrap();
     print(&truth, &found);
     assert_eq!(found.determined[0], Determined::Yes);
     assert_ne!(found.determined[5], Determined::Yes);
@@ -182,7 +186,7 @@ fn is_accused(wheel: usize, factor: f64, model: &PlatformModel, words: &str) {
         speeds[wheel] *= factor;
     }
     let name = ["wheel_x", "wheel_y", "wheel_z"][wheel];
-    let found = identify(&[&run], model, &ModelPrior::typical(model), &Settings::default()).unwrap();
+    let found = identified(&run, model, &ModelPrior::typical(model)).unwrap();
     let reasons: Vec<&str> = found.findings.iter().filter(|f| f.fatal).map(|f| f.text.as_str()).collect();
     println!("{name} {factor}: {reasons:?}");
     if factor == PER_MINUTE {
@@ -233,7 +237,7 @@ fn gaps_and_spikes_do_not_spoil_the_estimate() {
     for k in 3000..3020 {
         run.gyro_b_rad_s.value[k].z = 75.0_f64.to_radians();
     }
-    let found = identify(&[&run], &wrong_model(&truth), &loose(&truth), &Settings::default()).unwrap();
+    let found = identified(&run, &wrong_model(&truth), &loose(&truth)).unwrap();
     print(&truth, &found);
     assert!(normalised(&truth, &found) < 27.9, "99.9 % of chi-squared(9)");
     for word in ["single gyro samples", "single accelerometer samples", "end of the sensor's range"] {
@@ -245,18 +249,18 @@ fn gaps_and_spikes_do_not_spoil_the_estimate() {
 fn useless_recordings_are_refused_with_a_reason() {
     let truth = PlatformModel::whorl_1_reference();
     let prior = ModelPrior::typical(&truth);
-    let refuse = |run: &Recording| identify(&[run], &truth, &prior, &Settings::default()).unwrap_err();
+    let refuse = |run: &Recording| identified(run, &truth, &prior).unwrap_err();
     let short = record(&truth, at_balance(&truth), 5.0, 1, &swinging);
-    assert!(matches!(refuse(&short), DataError::Recording(Refusal::TooShort { .. })));
+    assert!(matches!(refuse(&short), DiagnosisError::Refused(Refusal::TooShort { .. })));
     let mut no_gyro = run_of(&truth, 1);
     no_gyro.gyro_b_rad_s = Default::default();
     assert!(matches!(
         refuse(&no_gyro),
-        DataError::Recording(Refusal::MissingChannel { channel: "gyro", .. })
+        DiagnosisError::Refused(Refusal::MissingChannel { channel: "gyro", .. })
     ));
     let mut wheels = run_of(&truth, 1);
     wheels.wheel_speed_rad_s.value.iter_mut().for_each(|w| w.truncate(2));
-    assert!(matches!(refuse(&wheels), DataError::Recording(Refusal::Count { given: 2, expected: 3, .. })));
+    assert!(matches!(refuse(&wheels), DiagnosisError::Refused(Refusal::Count { given: 2, expected: 3, .. })));
 }
 
 /// A gyro that ends well within the range that the model gives it: said, and the rest is used.
@@ -267,7 +271,7 @@ fn clipped_peaks_are_left_out_whatever_the_model_says_of_the_range() {
     for rate in &mut run.gyro_b_rad_s.value {
         rate.z = rate.z.clamp(-0.15, 0.15);
     }
-    let found = identify(&[&run], &truth, &loose(&truth), &Settings::default()).unwrap();
+    let found = identified(&run, &truth, &loose(&truth)).unwrap();
     let text: String = found.findings.iter().map(|f| f.text.as_str()).collect();
     assert!(text.contains("gyro samples at the end of the sensor's range"), "{text}");
     let (t, sigma) = (mass_vector(&truth.mass_properties), found.stddev());
@@ -292,7 +296,7 @@ fn adopted_effects_are_no_inertia() {
     // Mass properties and the cable are a tenth off.
     let mut model = wrong_model(&truth);
     model.effects.insert("harness_spring".to_owned(), [("k_n_m_rad".to_owned(), 0.33)].into());
-    let found = identify(&[&run], &model, &prior, &Settings::default()).unwrap();
+    let found = identified(&run, &model, &prior).unwrap();
     print(&truth, &found);
     assert!(found.usable(), "{:?}", found.findings);
     let t = mass_vector(&truth.mass_properties);
@@ -304,13 +308,13 @@ fn adopted_effects_are_no_inertia() {
     assert!(error < 27.9, "{error}");
     for (_, name, value, stddev) in effects {
         let own = found.effects.iter().find(|p| p.name == name).unwrap();
-        assert!((own.value - value).abs() < 4.0 * own.stddev && own.stddev < 0.1 * stddev, "{own:?}");
+        assert!((own.estimate - value).abs() < 4.0 * own.stddev && own.stddev < 0.1 * stddev, "{own:?}");
     }
     // The same data without one of the two: what does not explain them is not used.
     for (id, ..) in effects {
         let mut poorer = model.clone();
         poorer.effects.remove(id);
-        let wrong = identify(&[&run], &poorer, &prior, &Settings::default()).unwrap();
+        let wrong = identified(&run, &poorer, &prior).unwrap();
         print(&truth, &wrong);
         let fatal = wrong.findings.iter().find(|f| f.fatal).map(|f| f.text.as_str());
         assert!(fatal.is_some_and(|text| text.contains("does not explain")), "{id}: {:?}", wrong.findings);
@@ -323,18 +327,29 @@ fn adopted_effects_are_no_inertia() {
     }
 }
 
-/// An effect's correction of the platform's constants stays separate: the file's own numbers are found.
+/// A correction of the platform's constants that was adopted is the parameter, and the constant stays: together they are found.
 #[test]
 fn corrections_of_constants_are_not_counted_twice() {
     let mut truth = PlatformModel::whorl_1_reference();
     for (id, name, value) in [("inertia_products", "ixy_kg_m2", 0.3), ("gravity_offset", "mgr_x_n_m", 0.05)] {
         truth.effects.insert(id.to_owned(), [(name.to_owned(), value)].into());
     }
-    let found =
-        identify(&[&run_of(&truth, 1)], &wrong_model(&truth), &known_actuators(&truth), &Settings::default())
-            .unwrap();
+    let prior = known_actuators(&truth);
+    let found = identified(&run_of(&truth, 1), &wrong_model(&truth), &prior).unwrap();
     print(&truth, &found);
-    // 99.9 % of chi-squared with nine degrees of freedom.
-    assert!(normalised(&truth, &found) < 27.9);
-    assert!((found.estimate[1] - mass_vector(&truth.mass_properties)[1]).abs() < 0.05);
+    assert!(found.usable(), "{:?}", found.findings);
+    let (updated, known) = found.updated().unwrap();
+    let total = |model: &PlatformModel| mass_vector(&Gyrostat::new(model).unwrap().model().mass_properties);
+    let off = total(&updated) - total(&truth);
+    let of_effect = |name: &str| found.effects.iter().find(|p| p.name == name).unwrap().stddev;
+    let own = found.stddev();
+    let stddevs: [f64; MASS_PARAMETERS] = std::array::from_fn(|i| match i {
+        1 => of_effect("ixy_kg_m2"),
+        6 => of_effect("mgr_x_n_m"),
+        _ => own[i],
+    });
+    for i in [0, 1, 3, 5, 6] {
+        assert!(off[i].abs() < 4.0 * stddevs[i], "{}: {} +- {}", NAMES[i], off[i], stddevs[i]);
+    }
+    assert!(off[1].abs() < 0.05 && known.effects["inertia_products"]["ixy_kg_m2"] < 0.05);
 }

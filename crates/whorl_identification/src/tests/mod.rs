@@ -1,4 +1,3 @@
-mod calibration;
 mod diagnoses;
 mod identification;
 mod sequential;

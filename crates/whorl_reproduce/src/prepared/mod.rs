@@ -74,12 +74,14 @@ pub fn prepare(runs: &[&Recording], model: &PlatformModel, step_s: f64) -> Resul
     let mut chains = Vec::new();
     for (index, run) in runs.iter().enumerate() {
         check(run, model, &NEEDS)?;
-        let run = usable_readings(run, model, &mut Vec::new());
+        let (run, _) = usable_readings(run, model);
         let own = chains_of(index, &run, &gyrostat, step_s);
         let usable_s: f64 = own.iter().map(Chain::duration_s).sum();
         if usable_s < NEEDS.shortest_s {
             let duration_s = own.iter().map(Chain::duration_s).fold(0.0, f64::max);
-            return Err(Refusal::TooShort { run: run.name, duration_s, needed_s: NEEDS.shortest_s }.into());
+            return Err(
+                Refusal::TooShort { run: run.name.clone(), duration_s, needed_s: NEEDS.shortest_s }.into()
+            );
         }
         chains.extend(own);
     }

@@ -22,13 +22,13 @@ mod misfit;
 mod noise;
 mod still;
 mod temperature;
+#[cfg(test)]
+mod tests;
 
 use nalgebra::Vector3;
 use whorl_dynamics::platform::SensorSuite;
 use whorl_math::NoiseDensities;
-use whorl_recording::Recording;
-
-use crate::finding::Finding;
+use whorl_recording::{Finding, Recording};
 
 pub use gaussianity::{Bin, Gaussianity, chi_squared_test};
 pub use misfit::Misfit;

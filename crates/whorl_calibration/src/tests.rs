@@ -8,7 +8,7 @@ use whorl_dynamics::platform::SensorSuite;
 use whorl_math::{GRAVITY_M_S2, vertical_b};
 use whorl_recording::Recording;
 
-use crate::calibration::{CalibrationSettings, calibrate_imu};
+use crate::{CalibrationSettings, calibrate_imu};
 
 fn sensors() -> SensorSuite {
     let mut sensors = PlatformModel::whorl_1_reference().sensors;
@@ -67,7 +67,7 @@ fn quarter(x: f64, y: f64, z: f64) -> Vector3<f64> {
     Vector3::new(x, y, z) * std::f64::consts::FRAC_PI_2
 }
 
-fn check(what: &str, found: &crate::calibration::PerAxis, truth: &Vector3<f64>) {
+fn check(what: &str, found: &crate::PerAxis, truth: &Vector3<f64>) {
     for axis in 0..3 {
         let miss = (found.value[axis] - truth[axis]) / found.stddev[axis];
         println!("{what} {axis}: {} true {} +- {}", found.value[axis], truth[axis], found.stddev[axis]);
@@ -215,7 +215,7 @@ fn a_sensor_that_does_not_fit_is_said_and_its_deviations_grow() {
         y.x += 2e-4 * y.x * y.x;
     }
     let [good, bad] = [good, bad].map(|run| calibrate_imu(&[&run], &before, &CalibrationSettings::default()));
-    let says = |found: &crate::calibration::ImuCalibration| {
+    let says = |found: &crate::ImuCalibration| {
         found.findings.iter().any(|f| f.text.contains("do not fit the model of the accelerometer"))
     };
     assert!(!says(&good) && says(&bad), "{:?}", bad.findings);

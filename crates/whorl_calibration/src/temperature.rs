@@ -3,9 +3,9 @@
 use whorl_math::line::Line;
 use whorl_recording::Recording;
 
-use super::SensorCalibration;
-use super::still::Still;
-use crate::finding::Finding;
+use crate::SensorCalibration;
+use crate::still::Still;
+use whorl_recording::Finding;
 
 /// Least change of temperature that a slope is sought for \[K\].
 const LEAST_CHANGE_K: f64 = 2.0;

@@ -4,10 +4,10 @@ use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 use whorl_math::{integrate_rate, quaternion_exp, rotation_vector, unit_or};
 use whorl_recording::Recording;
 
-use super::misfit::{Misfit, said};
-use super::still::Still;
-use super::{CalibrationSettings, SensorCalibration};
-use crate::finding::Finding;
+use crate::misfit::{Misfit, said};
+use crate::still::Still;
+use crate::{CalibrationSettings, SensorCalibration};
+use whorl_recording::Finding;
 
 /// Widest scale error \[1\] and misalignment \[rad\] that are considered.
 const WIDEST: f64 = 0.1;

@@ -1,35 +1,15 @@
-//! The grammar of laws: which terms are tried, and what each symbol costs.
+//! Terms of laws that are sought: which are tried, and what each symbol costs.
 //!
 //! A term is a factor of recorded quantities times a direction. Its prior probability is the product of the probabilities
 //! of its choices, each as likely as the others of its kind (a code of symbols, Rissanen 1978): a law about one axis pays
 //! for the axis, a product pays for both of its variables, and friction along the rate, which favours no axis, pays for
 //! none. So simple and symmetric laws come first, whatever is tried.
 
-use whorl_dynamics::effects::written::Formula;
-use whorl_dynamics::{Environment, PlatformModel};
-
-use super::bench::Recorded;
-
-/// A recorded quantity that a law may depend on.
-#[derive(Debug, Clone)]
-pub(super) struct Variable {
-    /// Equation that gives it.
-    pub text: String,
-    /// Unit.
-    pub unit: String,
-    /// In words.
-    pub words: String,
-    /// Largest size over all runs.
-    pub largest: f64,
-    /// It changes sign with the motion's.
-    pub is_signed: bool,
-    /// Body axis of which it is the rate.
-    pub rate_axis: Option<usize>,
-}
+use crate::grammar::variable::Variable;
 
 /// Direction of a torque.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) enum Direction {
+pub(crate) enum Direction {
     /// Along the rate of the body.
     AlongRate,
     /// A body axis.
@@ -42,7 +22,7 @@ pub(super) enum Direction {
 
 /// A number inside a term that is fitted with it: a width, a limit, a lag.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Shape {
+pub(crate) struct Shape {
     pub name: &'static str,
     pub unit: String,
     pub value: f64,
@@ -51,7 +31,7 @@ pub(super) struct Shape {
 
 /// A term: a factor times a direction.
 #[derive(Debug, Clone)]
-pub(super) struct Term {
+pub(crate) struct Term {
     /// The factor, a number; `{0}` stands for its shape, where it has one.
     pub factor: String,
     pub shape: Option<Shape>,
@@ -69,71 +49,12 @@ pub(super) struct Term {
 /// Rate below which directions along the rate fade out [rad/s], as a share of the largest.
 const FADE: f64 = 0.01;
 
-/// The variables that move in some run; `seen` has the largest size of each, run by run.
-pub(super) fn moving(list: Vec<Variable>, seen: &[Vec<f64>]) -> Vec<Variable> {
-    let largest = |i: usize| seen.iter().filter_map(|run| run.get(i)).fold(0.0, |a: f64, b| a.max(*b));
-    let sized = list.into_iter().enumerate().map(|(i, v)| Variable { largest: largest(i), ..v });
-    sized.filter(|v| v.largest > 1e-9 && v.largest.is_finite()).collect()
-}
-
-/// Every variable that recordings may hold.
-pub(super) fn possible(model: &PlatformModel, recorded: &Recorded) -> Vec<Variable> {
-    let row = |text: &str, unit: &str, words: &str, is_signed: bool, rate_axis: Option<usize>| Variable {
-        text: text.to_owned(),
-        unit: unit.to_owned(),
-        words: words.to_owned(),
-        largest: 0.0,
-        is_signed,
-        rate_axis,
-    };
-    let mut list = vec![
-        row("rate.x", "rad/s", "the roll rate", true, Some(0)),
-        row("rate.y", "rad/s", "the pitch rate", true, Some(1)),
-        row("rate.z", "rad/s", "the yaw rate", true, Some(2)),
-        row("norm(rate)", "rad/s", "the size of the rate", false, None),
-        row("vertical.x", "1", "the tilt along body x", true, None),
-        row("vertical.y", "1", "the tilt along body y", true, None),
-        row("tilt", "rad", "the tilt", false, None),
-        row("time", "s", "time", false, None),
-    ];
-    for (j, wheel) in model.wheels().iter().enumerate() {
-        list.push(row(
-            &format!("wheel_speed[{}]", j + 1),
-            "rad/s",
-            &format!("the speed of {}", wheel.name),
-            true,
-            None,
-        ));
-        if recorded.wheel_commands {
-            let words = format!("the motor torque of {}", wheel.name);
-            list.push(row(&format!("motor_torque[{}]", j + 1), "N m", &words, true, None));
-        }
-    }
-    if recorded.pressure {
-        list.push(row("(pressure - reference_pressure)", "Pa", "the tank pressure", true, None));
-    }
-    if recorded.voltage {
-        list.push(row("(voltage - initial_voltage)", "V", "the bus voltage", true, None));
-    }
-    if recorded.temperature {
-        list.push(row("(temperature - ambient_temperature)", "K", "the temperature", true, None));
-    }
-    list
-}
-
-/// The largest size of every variable so far, and here.
-pub(super) fn grow(largest: &mut [f64], formulas: &[Formula], environment: &Environment<'_>) {
-    for (largest, formula) in largest.iter_mut().zip(formulas) {
-        *largest = largest.max(formula.number(environment).abs());
-    }
-}
-
 /// Factors of one variable: text, shape, words, and how many symbols beyond the variable.
 fn factors(v: &Variable) -> Vec<(String, Option<Shape>, String, f64)> {
     let x = &v.text;
     let size = |share: f64| two_digits(share * v.largest);
     let shape = |name: &'static str, share: f64, meaning: &'static str| {
-        Some(Shape { name, unit: v.unit.clone(), value: size(share), meaning })
+        Some(Shape { name, unit: v.unit.to_owned(), value: size(share), meaning })
     };
     let w = &v.words;
     let mut list = vec![
@@ -178,7 +99,7 @@ fn factors(v: &Variable) -> Vec<(String, Option<Shape>, String, f64)> {
 }
 
 /// Rounded to two digits: a place to start from, not a result.
-pub(super) fn two_digits(x: f64) -> f64 {
+pub(crate) fn two_digits(x: f64) -> f64 {
     if x == 0.0 || !x.is_finite() {
         return x;
     }
@@ -215,7 +136,7 @@ const AXES: [Direction; 6] = [
 ];
 
 /// All terms of one variable about every axis, along the rate, and on the wheels.
-pub(super) fn single_terms(variables: &[Variable]) -> Vec<Term> {
+pub(crate) fn single_terms(variables: &[Variable]) -> Vec<Term> {
     let log_priors = LogPriors::new(variables.len());
     let mut terms = Vec::new();
     for v in variables {
@@ -342,7 +263,7 @@ fn wheel_terms(log_priors: &LogPriors) -> Vec<Term> {
 }
 
 /// Products of variables, and their lags, about the axes about which they were seen to act.
-pub(super) fn compound_terms(variables: &[Variable], hints: &[(String, Direction)], run_s: f64) -> Vec<Term> {
+pub(crate) fn compound_terms(variables: &[Variable], hints: &[(String, Direction)], run_s: f64) -> Vec<Term> {
     let log_priors = LogPriors::new(variables.len());
     let find = |text: &str| variables.iter().find(|v| v.text == text);
     let mut terms: Vec<Term> = Vec::new();

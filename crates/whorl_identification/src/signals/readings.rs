@@ -1,4 +1,6 @@
-//! Readings that say nothing, left out before a fit: those at the end of a sensor's range, and single ones that stand out.
+//! Readings that say nothing, left out before everything else: those at the end of a sensor's range, and single ones that stand out.
+
+use std::borrow::Cow;
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
@@ -6,7 +8,8 @@ use whorl_math::noise::second_differences;
 use whorl_math::statistics::median;
 use whorl_recording::{Recording, Series};
 
-use crate::finding::Finding;
+use crate::signals::clamped::is_clamped;
+use crate::signals::digits::{AT_END, digits_of_gyro};
 
 /// Share of a sensor's range from which a sample counts as clipped.
 const CLIPPED: f64 = 0.999;
@@ -22,36 +25,69 @@ const NEIGHBOURS_AGREE: f64 = 0.5;
 /// What stands out more often than this is no accident of single readings.
 const LARGEST_SHARE: f64 = 0.01;
 
-/// A recording without readings of gyro and accelerometer that say nothing of the motion, and what was left out.
+/// A recording without readings of gyro and accelerometer that say nothing of the motion, and what was left out, in sentences. Of a body
+/// that is held they all say the same, and nothing is left out.
 #[must_use]
-pub fn usable_readings(run: &Recording, model: &PlatformModel, findings: &mut Vec<Finding>) -> Recording {
-    let mut usable = run.clone();
-    let sensors = &model.sensors;
-    let of = [
-        ("gyro", &mut usable.gyro_b_rad_s, sensors.gyro.errors.range),
-        ("accelerometer", &mut usable.specific_force_b_m_s2, sensors.accelerometer.errors.range),
-    ];
-    for (what, series, range) in of {
-        let all = series.len();
-        let percent = |some: usize| 100.0 * some as f64 / all.max(1) as f64;
-        let clipped = keep(series, &within(&series.value, range));
-        if clipped > 0 {
-            findings.push(Finding::warning(format!(
-                "{}: {clipped} {what} samples at the end of the sensor's range were left out ({:.2} % of the run): move more gently.",
-                run.name,
-                percent(clipped)
-            )));
-        }
-        let spikes = keep(series, &ordinary(&series.value));
-        if spikes > 0 {
-            findings.push(Finding::warning(format!(
-                "{}: {spikes} single {what} samples far from those before and after were left out ({:.2} % of the run): look for a loose connection or lost bits.",
-                run.name,
-                percent(spikes)
-            )));
-        }
+pub fn usable_readings<'a>(run: &'a Recording, model: &PlatformModel) -> (Cow<'a, Recording>, Vec<String>) {
+    let (mut usable, mut remarks) = (Cow::Borrowed(run), Vec::new());
+    if is_clamped(run, model) {
+        return (usable, remarks);
     }
-    usable
+    let sensors = &model.sensors;
+    let piles_up_at = digits_of_gyro(run, model).clips_at_rad_s.unwrap_or(f64::INFINITY);
+    let gyro_end = (CLIPPED * sensors.gyro.errors.range).min(piles_up_at * (1.0 - AT_END));
+    let (mut gyro, mut force) = (run.gyro_b_rad_s.clone(), run.specific_force_b_m_s2.clone());
+    let mut left_out = left_out(&mut gyro, "gyro", gyro_end, &run.name, &mut remarks);
+    let force_end = CLIPPED * sensors.accelerometer.errors.range;
+    left_out += self::left_out(&mut force, "accelerometer", force_end, &run.name, &mut remarks);
+    if left_out > 0 {
+        let usable = usable.to_mut();
+        (usable.gyro_b_rad_s, usable.specific_force_b_m_s2) = (gyro, force);
+    }
+    (usable, remarks)
+}
+
+/// The same of all recordings.
+pub(crate) fn usable<'a>(
+    recordings: &'a [Recording],
+    model: &PlatformModel,
+) -> (Cow<'a, [Recording]>, Vec<String>) {
+    let (usable, remarks): (Vec<_>, Vec<_>) =
+        recordings.iter().map(|run| usable_readings(run, model)).unzip();
+    let all_are_kept = usable.iter().all(|run| matches!(run, Cow::Borrowed(_)));
+    let kept = if all_are_kept {
+        Cow::Borrowed(recordings)
+    } else {
+        Cow::Owned(usable.into_iter().map(Cow::into_owned).collect())
+    };
+    (kept, remarks.concat())
+}
+
+/// Takes out what says nothing; how many samples that were. `end`: a reading this large is at the end of the sensor's range.
+fn left_out(
+    series: &mut Series<Vector3<f64>>,
+    what: &str,
+    end: f64,
+    run: &str,
+    remarks: &mut Vec<String>,
+) -> usize {
+    let all = series.len();
+    let percent = |some: usize| 100.0 * some as f64 / all.max(1) as f64;
+    let clipped = keep(series, &within(&series.value, end));
+    if clipped > 0 {
+        remarks.push(format!(
+            "{run}: {clipped} {what} samples at the end of the sensor's range were left out ({:.2} % of the run): move more gently.",
+            percent(clipped)
+        ));
+    }
+    let spikes = keep(series, &ordinary(&series.value));
+    if spikes > 0 {
+        remarks.push(format!(
+            "{run}: {spikes} single {what} samples far from those before and after were left out ({:.2} % of the run): look for a loose connection or lost bits.",
+            percent(spikes)
+        ));
+    }
+    clipped + spikes
 }
 
 /// Keeps these samples; how many were not kept.
@@ -63,12 +99,12 @@ fn keep(series: &mut Series<Vector3<f64>>, kept: &[bool]) -> usize {
     before - series.len()
 }
 
-/// Which readings are within the sensor's range, that of the model and that which the readings show.
-fn within(values: &[Vector3<f64>], range: f64) -> Vec<bool> {
+/// Which readings are within the sensor's range: below `end`, and within the ends that the readings show.
+fn within(values: &[Vector3<f64>], end: f64) -> Vec<bool> {
     let ends = [0, 1, 2].map(|axis| ends(values, axis));
     let inside = |v: &Vector3<f64>| {
         let between = |(x, (low, high)): (&f64, &(f64, f64))| low < x && x < high;
-        v.amax() < CLIPPED * range && v.iter().zip(&ends).all(between)
+        v.amax() < end && v.iter().zip(&ends).all(between)
     };
     values.iter().map(inside).collect()
 }
@@ -82,7 +118,11 @@ fn ends(values: &[Vector3<f64>], axis: usize) -> (f64, f64) {
         let extreme = x.iter().map(|v| sign * v).fold(f64::NEG_INFINITY, f64::max);
         let stays = x.windows(3).filter(|w| w.iter().all(|v| sign * v == extreme)).count();
         let noisy = noise > NOISY * extreme.abs() && extreme.abs() > 5.0 * noise;
-        if noisy && stays >= PLATEAU_SAMPLES { extreme } else { f64::INFINITY }
+        // Coarse steps repeat themselves as well; but of noise the largest is the rarest.
+        let at_extreme = x.iter().filter(|v| sign * **v == extreme).count();
+        let near = x.iter().filter(|v| sign * **v >= extreme - 3.0 * noise).count();
+        let piles_up = 2 * at_extreme > near;
+        if noisy && piles_up && stays >= PLATEAU_SAMPLES { extreme } else { f64::INFINITY }
     };
     (-end(-1.0), end(1.0))
 }
@@ -158,5 +198,10 @@ mod tests {
         assert_eq!(ends(&values, 1), (f64::NEG_INFINITY, f64::INFINITY));
         let kept = within(&values, f64::INFINITY);
         assert!(kept.iter().zip(&values).all(|(kept, v)| *kept == (v.x > -0.8 && v.x < 0.9)));
+        // Weight at rest, read in steps as wide as its noise: the largest number is read again and again, and is none.
+        let steps: Vec<Vector3<f64>> =
+            noisy(20_000).iter().map(|v| Vector3::z() * (9.81 + 0.01 * (200.0 * v.y).round())).collect();
+        assert!(steps.windows(3).filter(|w| w.iter().all(|v| v.z == 9.82)).count() > PLATEAU_SAMPLES);
+        assert_eq!(ends(&steps, 2), (f64::NEG_INFINITY, f64::INFINITY));
     }
 }

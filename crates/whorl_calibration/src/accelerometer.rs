@@ -10,10 +10,10 @@ use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector, Vector3};
 use whorl_dynamics::sensing::untangled;
 use whorl_math::GRAVITY_M_S2;
 
-use super::misfit::{Misfit, said};
-use super::still::Still;
-use super::{CalibrationSettings, SensorCalibration};
-use crate::finding::Finding;
+use crate::misfit::{Misfit, said};
+use crate::still::Still;
+use crate::{CalibrationSettings, SensorCalibration};
+use whorl_recording::Finding;
 
 /// Largest plausible values: bias [m/s^2], scale \[1\] and angles between the axes \[rad\].
 const WIDEST: [f64; 3] = [2.0, 0.2, 0.1];

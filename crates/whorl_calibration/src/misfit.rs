@@ -2,7 +2,7 @@
 
 use whorl_math::statistics::chi_squared_quantile;
 
-use crate::finding::Finding;
+use whorl_recording::Finding;
 
 /// A fit is bad when residuals as large as these are as rare as this.
 const RARE: f64 = 1e-3;
