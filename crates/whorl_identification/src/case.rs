@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use whorl_dynamics::{ModelPrior, PlatformModel};
-use whorl_prediction::{Needs, check};
+use whorl_prediction::{Needs, check, longest_cell_s};
 use whorl_recording::Recording;
 
 use crate::fitting::low_pass;
@@ -43,7 +43,11 @@ impl<'a> Case<'a> {
         let (held_out, of_held_out) = checked(held_out, model)?;
         left_out.extend(of_held_out);
         let given = Reference::new(model, prior, options.settings);
-        let reference = Reference { model: delaying(&given, &available, &training, options)?, ..given };
+        let mut reference = Reference { model: delaying(&given, &available, &training, options)?, ..given };
+        let prediction = &mut reference.settings.prediction;
+        for runs in [&training, &held_out] {
+            prediction.cell_s = longest_cell_s(runs, &reference.model, prediction)?;
+        }
         Ok(Self {
             training,
             held_out,
@@ -68,6 +72,7 @@ impl<'a> Case<'a> {
             reference: &self.reference,
             available: &self.available,
             threads: self.threads,
+            each_reading: false,
         }
     }
 }

@@ -16,6 +16,8 @@
 
 use std::fmt;
 
+use whorl_prediction::CELL_S;
+
 /// What values a setting may have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Allowed {
@@ -100,7 +102,9 @@ macro_rules! settings {
 
         impl Default for Settings {
             fn default() -> Self {
-                Self { $($name: $default,)+ prediction: whorl_prediction::Settings::default() }
+                let prediction =
+                    whorl_prediction::Settings { cell_s: CELL_S, ..whorl_prediction::Settings::default() };
+                Self { $($name: $default,)+ prediction }
             }
         }
 

@@ -19,6 +19,7 @@
 
 mod cells;
 mod directions;
+mod error;
 mod evidence;
 mod fit;
 mod gas;
@@ -31,8 +32,9 @@ mod sums;
 mod watch;
 
 pub use cells::Supplies;
+pub use error::MonitorError;
 pub use evidence::UNKNOWN_TORQUE;
 pub use fit::{Fit, Likeliest, Parameter, State};
-pub use monitor::{Monitor, MonitorError};
+pub use monitor::Monitor;
 pub use settings::Settings;
 pub use sources::{Hole, Source};

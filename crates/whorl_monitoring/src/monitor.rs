@@ -3,14 +3,14 @@
 use std::collections::VecDeque;
 
 use nalgebra::{UnitQuaternion, Vector3};
-use thiserror::Error;
 use whorl_dynamics::actuators::Kind;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_dynamics::platform::TiltLimit;
-use whorl_dynamics::{GyrostatError, ModelPrior, PlantError, PlatformModel};
+use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use crate::Settings;
 use crate::cells::{Driven, Input, Inputs, Supplies};
+use crate::error::MonitorError;
 use crate::evidence::UNKNOWN_TORQUE;
 use crate::fit::{Fit, Likeliest, Parameter, State};
 use crate::gas::Gas;
@@ -26,23 +26,6 @@ const FROM_STOP_RAD: f64 = 0.005;
 const MOST_WAITING: usize = 4096;
 /// Sums of on-times are rounded to this \[s\].
 const ROUNDED_S: f64 = 1e-6;
-
-/// Why a platform cannot be watched.
-#[derive(Debug, Error)]
-pub enum MonitorError {
-    /// Its model cannot be simulated.
-    #[error(transparent)]
-    Model(#[from] GyrostatError),
-    /// Its plant cannot be put into motion.
-    #[error(transparent)]
-    Plant(#[from] PlantError),
-    /// It has motors whose states the monitor does not follow.
-    #[error("the model has motors of another kind ({what}): only wheels and jets are watched")]
-    OtherActuators {
-        /// Their kind.
-        what: String,
-    },
-}
 
 /// The valves as they were last.
 #[derive(Debug, Clone)]

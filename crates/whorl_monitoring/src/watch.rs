@@ -12,8 +12,8 @@ use whorl_recording::Channel;
 use crate::Settings;
 use crate::cells::{ByMotor, Cell, Driven, Inputs, Supplies};
 use crate::directions::{Direction, Directions};
+use crate::error::MonitorError;
 use crate::evidence::Evidence;
-use crate::monitor::MonitorError;
 use crate::motors::{HELD_RAD_S, MotorNoise, STICKING_S, Turning};
 
 /// Uncertainty of a motion of which nothing is known: rate [rad/s], wheel speed [rad/s].

@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 use whorl_dynamics::State;
-use whorl_dynamics::plant::{Acts, LinearisedPlant, Plant};
+use whorl_dynamics::plant::{Acts, LinearisedPlant, Plant, ROTATION};
 use whorl_recording::Channel;
 
 use crate::blocks::{Blocks, Said};
@@ -25,6 +25,8 @@ use crate::since::Since;
 /// Steps up to this share of the time of the fastest motion may be taken with what a parameter does at their start: the motion turns
 /// what it does by as many radians meanwhile.
 const SHORT_STEP: f64 = 0.05;
+/// The same with what it does in their middle: by the midpoint rule a twenty-fourth of its square is lost, a hundredth.
+const LONG_STEP: f64 = 0.5;
 
 /// Columns of sensitivities: those of the state at the beginning, one for each parameter, then one for the size of each law.
 pub(crate) struct Columns<'a> {
@@ -56,6 +58,8 @@ struct Reference<'a> {
     /// How it acts over the present step, if that is short, and at its end.
     acts: Acts,
     is_steady: bool,
+    /// Length of the present step \[s\].
+    step_s: f64,
     acts_now: Acts,
 }
 
@@ -75,7 +79,7 @@ impl<'a> Columns<'a> {
             let mut own = case.varied(case.given_model())?;
             own.plant = own.plant.for_differences(others.iter().any(|other| other.behind.is_some()));
             let [acts, acts_now] = [(); 2].map(|()| Acts::none(&own.plant));
-            reference = Some(Reference { with: own, acts, is_steady: false, acts_now });
+            reference = Some(Reference { with: own, acts, is_steady: false, step_s: 0.0, acts_now });
         }
         let mut columns = Self::of_state(layout, of_start, varied.len(), laws);
         (columns.others, columns.laws, columns.reference) = (others, laws, reference);
@@ -133,25 +137,37 @@ impl<'a> Columns<'a> {
     /// than that shows, the model in the state that the filter would have with it.
     pub fn set_out(&mut self, mean: &Mean<'_>, end_ns: i64, instant_ns: i64) {
         let (case, plant) = (mean.case, &mean.plant);
-        if let Some(laws) = self.laws {
-            laws.at(plant, &mut self.pushes);
-        }
         let (n, first) = (self.rates.len(), self.first);
-        let Self { others, reference, blocks, before, stepped, .. } = self;
-        let Some(Reference { with: reference, acts, is_steady, .. }) = reference else { return };
+        let Self { others, laws, pushes, reference, blocks, before, stepped, .. } = self;
+        let Some(Reference { with: reference, acts, is_steady, step_s, acts_now }) = reference else {
+            return;
+        };
         reference.plant.take_motion_of(plant, &[]);
-        let step_s = (end_ns - plant.now_ns()) as f64 * 1e-9;
-        let is_simple = step_s * case.fastest_1_s() <= SHORT_STEP && reference.is_steady_until(case, end_ns);
+        *step_s = (end_ns - plant.now_ns()) as f64 * 1e-9;
+        let radians = *step_s * case.fastest_1_s();
+        let is_simple = radians <= LONG_STEP && reference.is_steady_until(case, end_ns);
         *is_steady = is_simple;
+        // Gimbals turn within steps, and everything with them: all models make the step.
+        let is_long = is_simple && radians > SHORT_STEP && plant.gyrostat().model().gyros().is_empty();
+        if is_long {
+            reference.plant.act_into(acts_now);
+            let mut half = acts_now.rates.clone_owned() * (0.5 * *step_s);
+            half.fixed_rows_mut::<3>(ROTATION.start)
+                .copy_from(&(plant.state().omega_wb_b_rad_s * (0.5 * *step_s)));
+            reference.plant.change_state(&half.as_slice()[..n]);
+        }
         if is_simple {
             reference.plant.act_into(acts);
+        }
+        if let Some(laws) = laws {
+            laws.at(&reference.plant, pushes);
         }
         *before = others.iter().any(Other::is_late).then(|| (*plant.state(), plant.now_ns()));
         let jets_rest = is_simple && reference.plant.jets_rest();
         // The bearing's own stop is as stiff as the body is heavy: while it touches, inertia is no torque alone.
         let is_free = is_simple && !plant.touching()[0];
         let any_torque = is_free && others.iter().any(|other| other.differs == Differs::InTorque);
-        let environment = any_torque.then(|| plant.environment());
+        let environment = any_torque.then(|| reference.plant.environment());
         let wheels = plant.tangent().wheels().len();
         for (k, other) in others.iter_mut().enumerate() {
             other.does = Does::TheSame;
@@ -166,8 +182,9 @@ impl<'a> Columns<'a> {
                 if jets_rest && other.differs == Differs::InJets && other.with.is_steady_until(case, end_ns) {
                     continue;
                 }
-                other.with.take_motion_of(plant, &[], instant_ns);
-                if other.with.is_steady_until(case, end_ns) && other.with.plant.holds_wheels_of(plant) {
+                other.with.take_motion_of(&reference.plant, &[], instant_ns);
+                let is_steady = other.with.is_steady_until(case, end_ns);
+                if is_steady && other.with.plant.holds_wheels_of(&reference.plant) {
                     other.with.plant.act_into(&mut other.acts);
                     other.does = Does::Act;
                     continue;
@@ -182,6 +199,9 @@ impl<'a> Columns<'a> {
             }
             other.does = Does::Step;
         }
+        if is_long {
+            reference.plant.take_motion_of(plant, &[]);
+        }
     }
 
     /// Behind a step of the plant, over which errors moved as the gains have found. False where a motion is lost.
@@ -189,8 +209,10 @@ impl<'a> Columns<'a> {
         let (transition, axis) = (&gains.step.transition, gains.unseen_axis.as_ref());
         let (first, n) = (self.first, self.rates.len());
         self.stepped.clear();
-        if let Some(Reference { with: reference, acts: of_reference, is_steady, .. }) = &mut self.reference {
-            let step_s = (plant.now_ns() - reference.plant.now_ns()) as f64 * 1e-9;
+        if let Some(Reference { with: reference, acts: of_reference, is_steady, step_s, .. }) =
+            &mut self.reference
+        {
+            let step_s = *step_s;
             if !reference.run_to(case, plant.now_ns()) {
                 return false;
             }
@@ -297,7 +319,7 @@ impl<'a> Columns<'a> {
                 }
             }
         }
-        let Some(Reference { with: reference, acts, is_steady, acts_now }) = &mut self.reference else {
+        let Some(Reference { with: reference, acts, is_steady, acts_now, .. }) = &mut self.reference else {
             return;
         };
         // What differs in readings alone shows in the state as it is now.
@@ -354,7 +376,7 @@ impl<'a> Columns<'a> {
             }
             mean.read_of(&other.with.plant, mean.beside.as_slice(), None, &mut self.varied);
             for (r, (row, varied)) in readings.rows.iter().zip(&self.varied.rows).enumerate() {
-                set(first + k, r, (varied.value - row.value + moves(r, late_s(row))) / other.step);
+                set(first + k, r, (varied.value - row.last + moves(r, late_s(row))) / other.step);
             }
         }
     }

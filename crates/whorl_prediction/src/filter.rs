@@ -124,6 +124,7 @@ impl<'a> Filter<'a> {
     /// Reads what is due.
     pub fn read(&mut self) {
         self.mean.read(Some(&self.gains.linearised), &mut self.readings);
+        self.gains.set_back(&mut self.readings);
     }
 
     /// Corrects the state by what was read, one number after the other.
@@ -162,12 +163,12 @@ impl<'a> Filter<'a> {
             if let Some(columns) = &mut self.columns {
                 columns.set_out(mean, end_ns, to_ns);
             }
-            mean.advance(end_ns);
+            mean.advance(end_ns, gains.last_step());
             gains.follow(&mean.plant, end_ns - from_ns);
             if let Some(columns) = &mut self.columns {
                 mean.lost |= !columns.follow(case, &mean.plant, gains);
             }
-            mean.fade(&gains.step.transition, gains.unseen_axis.as_ref(), (end_ns - from_ns) as f64 * 1e-9);
+            mean.follow_motors(&gains.step.transition, gains.unseen_axis.as_ref());
             if let Some(recorder) = &mut self.recorder {
                 recorder.step(end_ns, gains, mean.layout);
             }

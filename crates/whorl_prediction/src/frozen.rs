@@ -51,6 +51,8 @@ pub(crate) struct FrozenPass<'a> {
     readings: Readings,
     /// Next of each list.
     stride: usize,
+    /// What motors moved over the step before, and its length \[s\].
+    before: Option<(usize, f64)>,
     instant: usize,
     at: [usize; 3],
     /// Readings are others than those of which gains were kept.
@@ -71,6 +73,7 @@ impl<'a> FrozenPass<'a> {
             gain: Gain::default(),
             readings: Readings::default(),
             stride: 0,
+            before: None,
             instant: 0,
             at: [0; 3],
             is_other: false,
@@ -89,8 +92,10 @@ impl<'a> FrozenPass<'a> {
                 return false;
             };
             let step_s = (stride.end_ns - mean.plant.now_ns()) as f64 * 1e-9;
-            mean.advance(stride.end_ns);
-            mean.fade(&self.kept.transitions[stride.transition], stride.unseen_axis.as_ref(), step_s);
+            let transitions = &self.kept.transitions;
+            mean.advance(stride.end_ns, self.before.map(|(before, step_s)| (&transitions[before], step_s)));
+            mean.follow_motors(&transitions[stride.transition], stride.unseen_axis.as_ref());
+            self.before = Some((stride.transition, step_s));
             self.stride += 1;
         }
         mean.find_due(instant_ns);

@@ -5,9 +5,10 @@ use std::borrow::Cow;
 use nalgebra::{DMatrix, Vector3};
 use whorl_dynamics::plant::{LinearisedPlant, Plant, RATE};
 
+use crate::cells::SHARE_OF_TIME;
 use crate::claims::Claims;
 use crate::heading::UnseenHeading;
-use crate::lanes::{Gain, Lanes};
+use crate::lanes::{Gain, Lanes, MOST_STATES, Sparse};
 use crate::layout::Layout;
 use crate::linearisation::Place;
 use crate::noise::{Disturbance, Noise};
@@ -46,6 +47,10 @@ pub(crate) struct Gains<'a> {
     step_ns: i64,
     /// It was made for the last step.
     pub has_new_step: bool,
+    /// Length of the last step \[s\]; none yet: zero.
+    last_s: f64,
+    /// Room for rows of readings.
+    set_back: Sparse,
     /// What of the attitude at the start is of no consequence,
     pub heading: UnseenHeading,
     /// and about which axis that is now.
@@ -114,6 +119,8 @@ impl<'a> Gains<'a> {
             step: Step::new(layout.moving(), layout.size()),
             step_ns: 0,
             has_new_step: false,
+            last_s: 0.0,
+            set_back: Sparse::default(),
             heading: UnseenHeading::NONE,
             unseen_axis: None,
             gain: Gain::default(),
@@ -160,13 +167,15 @@ impl<'a> Gains<'a> {
 
     /// The longest step that covariances may take \[s\].
     pub fn longest_s(&self) -> f64 {
-        let fading = self.disturbance.times(self.layout).map(|(_, time_s)| 1.0 / time_s);
-        self.settings.covariance_step / fading.fold(self.fastest_1_s, f64::max).max(1e-9)
+        let of_motion = self.settings.covariance_step / self.fastest_1_s.max(1e-9);
+        let share = if self.settings.cell_s > 0.0 { SHARE_OF_TIME } else { self.settings.covariance_step };
+        self.disturbance.times(self.layout).map(|(_, time_s)| share * time_s).fold(of_motion, f64::min)
     }
 
     /// Behind a step of the plant.
     pub fn follow(&mut self, plant: &Plant, step_ns: i64) {
         let step_s = step_ns as f64 * 1e-9;
+        self.last_s = step_s;
         self.find_step(plant, step_ns);
         let touch = self.touch_rad_s(plant, step_s);
         self.unseen_axis = self.heading.now(plant);
@@ -229,6 +238,34 @@ impl<'a> Gains<'a> {
         let motion = if is_near { &self.motion } else { &self.before };
         let alone = self.claims.is_some().then_some(&self.drives_alone);
         self.step.make(motion, &self.drives, alone, step_ns as f64 * 1e-9);
+    }
+
+    /// What the last step did to errors, and its length \[s\].
+    pub fn last_step(&self) -> Option<(&Sparse, f64)> {
+        (self.last_s > 0.0).then_some((&self.step.transition, self.last_s))
+    }
+
+    /// Derivatives of means of readings that came before the present state, by this: h exp(-A t) on average, by its first terms.
+    pub fn set_back(&mut self, readings: &mut Readings) {
+        if readings.rows.iter().all(|row| row.lag_s == 0.0) {
+            return;
+        }
+        let (motion, size) = (self.step.motion(), self.layout.size());
+        self.set_back.clear();
+        for (row, by_state) in readings.rows.iter().zip(readings.by_state.rows()) {
+            let (mut sum, mut term) = ([0.0; MOST_STATES], [0.0; MOST_STATES]);
+            by_state.iter().for_each(|(i, x)| (sum[*i], term[*i]) = (*x, *x));
+            for factor in [-row.lag_s, 0.5 * row.lag_squared_s2] {
+                let mut next = [0.0; MOST_STATES];
+                for (x, of) in term.iter().zip(motion.rows()).filter(|(x, _)| **x != 0.0) {
+                    of.iter().for_each(|(k, a)| next[*k] += x * a);
+                }
+                sum.iter_mut().zip(&next).for_each(|(sum, x)| *sum += factor * x);
+                term = next;
+            }
+            self.set_back.push(sum[..size].iter().copied());
+        }
+        std::mem::swap(&mut self.set_back, &mut readings.by_state);
     }
 
     /// Takes readings out of the covariances; false where one is none any more.

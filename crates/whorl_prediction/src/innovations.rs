@@ -6,6 +6,7 @@ use nalgebra::{DVector, Vector3};
 use whorl_dynamics::plant::{LinearisedPlant, Plant, ROTATION};
 use whorl_recording::Component;
 
+use crate::collected::Collected;
 use crate::lanes::{Gain, Sparse, level};
 use crate::layout::Layout;
 use crate::noise::Noise;
@@ -18,8 +19,8 @@ thread_local! {
     static INSTANTS: Cell<u64> = const { Cell::new(0) };
 }
 
-/// Instants of recordings that were gone through on this thread since it began, whatever for: over those of a recording, how many passes a
-/// computation took, on any machine.
+/// Instants of recordings at which anything was taken in on this thread since it began, whatever for: over those of a recording, how many passes by each
+/// reading a computation was worth, on any machine.
 #[must_use]
 pub fn instants_on_this_thread() -> u64 {
     INSTANTS.get()
@@ -65,6 +66,14 @@ pub(crate) struct Mean<'a> {
     /// The next command.
     pub event: usize,
     cursor: Cursor,
+    /// Where the present cell of readings ends \[ns\], and what was read in it.
+    end_ns: i64,
+    collected: Collected,
+    /// Readings of an instant within a cell.
+    within: Readings,
+    /// Motors' disturbances at the start of a step, and what they have moved within it.
+    motors_n_m: Vec<f64>,
+    moved: Vec<f64>,
     /// What was read at the present instant: tracks and samples.
     pub due: Vec<(usize, usize)>,
     /// Innovations of the present instant.
@@ -88,6 +97,11 @@ impl<'a> Mean<'a> {
             beside: start.beside.clone(),
             event: case.first_event(),
             cursor: Cursor::new(case.tracks()),
+            end_ns: i64::MIN,
+            collected: Collected::default(),
+            within: Readings::default(),
+            motors_n_m: Vec::new(),
+            moved: Vec::new(),
             due: Vec::new(),
             values: Vec::new(),
             change: Vec::new(),
@@ -95,60 +109,123 @@ impl<'a> Mean<'a> {
         }
     }
 
-    /// The instant of the next readings \[ns\].
+    /// The instant at which the next readings are taken in \[ns\].
     pub fn next_ns(&self) -> Option<i64> {
-        self.cursor.instant_ns(self.case.tracks())
+        self.cursor.instant_ns(self.case.tracks()).map(|first_ns| self.case.cell_end_ns(first_ns))
     }
 
     /// Sets out to the instant of the next readings. What is read then is known before: what a platform does there is what others begin
     /// with.
     pub fn set_out(&mut self, instant_ns: i64) {
+        self.end_ns = instant_ns;
+        self.collected.clear();
         self.plant.average_readings(self.case.mean_inputs(instant_ns));
     }
 
-    /// A step of the plant to an instant, with the disturbances that are known now.
-    pub fn advance(&mut self, end_ns: i64) {
+    /// A step of the plant to an instant, with the disturbances that are known now; `before`: what a step did to errors before this one, and its length
+    /// \[s\], by which what motors have moved is told where something is read within.
+    pub fn advance(&mut self, end_ns: i64, before: Option<(&Sparse, f64)>) {
+        let motors = self.layout.motors();
+        self.motors_n_m.clear();
+        self.motors_n_m.extend(motors.map(|i| self.beside[i]));
+        self.moved.clear();
+        self.moved.resize(self.layout.plant.size(), 0.0);
+        while let Some(instant_ns) = self.cursor.instant_ns(self.case.tracks())
+            && instant_ns < self.end_ns
+            && instant_ns <= end_ns
+            && !self.lost
+        {
+            let from_ns = self.plant.now_ns();
+            self.plant.average_readings(self.case.mean_inputs(instant_ns));
+            self.go(instant_ns);
+            if let Some((transition, step_s)) = before {
+                self.move_by_motors(transition, (instant_ns - from_ns) as f64 * 1e-9 / step_s);
+            }
+            self.collect(instant_ns);
+            self.plant.average_readings(self.case.mean_inputs(self.end_ns));
+        }
+        self.go(end_ns);
+    }
+
+    /// Moves the plant to an instant, while disturbances fade.
+    fn go(&mut self, to_ns: i64) {
         let (torques, noise) = (self.layout.disturbance(), &self.noise.disturbance);
         for (k, process) in noise.processes().enumerate().take(torques.len() / 3) {
             let now_n_m = Vector3::from_fn(|i, _| self.beside[torques.start + 3 * k + i]);
             self.plant.set_disturbance(k, now_n_m, 1.0 / process.correlation_s);
         }
-        self.lost = !self.case.run_to(&mut self.plant, &mut self.event, end_ns);
+        let from_ns = self.plant.now_ns();
+        self.lost |= !self.case.run_to(&mut self.plant, &mut self.event, to_ns);
+        let after_s = (to_ns - from_ns) as f64 * 1e-9;
+        for (i, correlation_s) in noise.times(self.layout) {
+            self.beside[i] *= (-after_s / correlation_s).exp();
+        }
     }
 
-    /// Behind a step: what the motors' disturbances, which the plant does not know, have moved, by their columns of F; and how
-    /// disturbances have faded over it \[s\].
-    pub fn fade(&mut self, transition: &Sparse, heading: Option<&Vector3<f64>>, step_s: f64) {
+    /// What motors' disturbances move over a share of a step.
+    fn move_by_motors(&mut self, transition: &Sparse, share: f64) {
+        if self.motors_n_m.is_empty() {
+            return;
+        }
+        self.find_change_by_motors(transition, share);
+        self.moved.iter_mut().zip(&self.change).for_each(|(sum, by)| *sum += by);
+        self.plant.change_state(&self.change);
+    }
+
+    fn find_change_by_motors(&mut self, transition: &Sparse, share: f64) {
         let (motors, n) = (self.layout.motors(), self.layout.plant.size());
-        if !motors.is_empty() {
-            self.change.clear();
-            self.change.resize(n, 0.0);
-            for (i, k, by) in transition.entries().filter(|(i, k, _)| *i < n && motors.contains(k)) {
-                self.change[i] += by * self.beside[k];
-            }
-            if let Some(axis) = heading {
-                level(&mut self.change[ROTATION], axis);
-            }
-            self.plant.change_state(&self.change);
-        }
-        for (i, correlation_s) in self.noise.disturbance.times(self.layout) {
-            self.beside[i] *= (-step_s / correlation_s).exp();
+        self.change.clear();
+        self.change.resize(n, 0.0);
+        for (i, k, by) in transition.entries().filter(|(i, k, _)| *i < n && motors.contains(k)) {
+            self.change[i] += by * self.motors_n_m[k - motors.start] * share;
         }
     }
 
-    /// Finds what was read at the present instant.
+    /// Behind a step: what the motors' disturbances, which the plant does not know, have moved, by their columns of F.
+    pub fn follow_motors(&mut self, transition: &Sparse, heading: Option<&Vector3<f64>>) {
+        if self.motors_n_m.is_empty() {
+            return;
+        }
+        self.find_change_by_motors(transition, 1.0);
+        self.change.iter_mut().zip(&self.moved).for_each(|(change, moved)| *change -= moved);
+        if let Some(axis) = heading {
+            level(&mut self.change[ROTATION], axis);
+        }
+        self.plant.change_state(&self.change);
+    }
+
+    /// Finds what is taken in at the present instant.
     pub fn find_due(&mut self, instant_ns: i64) {
-        let tracks = self.case.tracks();
         INSTANTS.set(INSTANTS.get() + 1);
+        if self.collected.is_empty() {
+            self.find_due_now(instant_ns);
+            return;
+        }
+        self.collect(instant_ns);
+        self.collected.last(&mut self.due);
+    }
+
+    fn find_due_now(&mut self, instant_ns: i64) {
+        let tracks = self.case.tracks();
         self.due.clear();
         while let Some(reading) = self.cursor.take(tracks, instant_ns) {
             self.due.push(reading);
         }
     }
 
+    /// Reads what is due within a cell.
+    fn collect(&mut self, instant_ns: i64) {
+        self.find_due_now(instant_ns);
+        let mut within = std::mem::take(&mut self.within);
+        self.read_of(&self.plant, self.beside.as_slice(), None, &mut within);
+        self.collected.add(&within, (self.end_ns - instant_ns) as f64 * 1e-9);
+        self.within = within;
+    }
+
     /// Reads what is due against this state.
     pub fn read(&self, linearised: Option<&LinearisedPlant>, to: &mut Readings) {
         self.read_of(&self.plant, self.beside.as_slice(), linearised, to);
+        self.collected.put(to);
     }
 
     /// The same against another state.

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use crate::cells::cell_ends_ns;
 use crate::inputs::commands::{Commands, ns};
 use crate::inputs::driven_speeds::DrivenSpeeds;
 use crate::inputs::quiet;
@@ -45,6 +46,8 @@ pub struct Prepared<'a> {
     difference_step_ns: i64,
     event: usize,
     tracks: Vec<Track<'a>>,
+    /// The last instants of cells of readings \[ns\]; none: every instant is one.
+    cell_ends_ns: Vec<i64>,
     hidden_noise: Vec<f64>,
     /// Of each wheel that is driven along its measured speeds: root of the power density of its momentum's noise, body axes [N m s per
     /// root of Hz].
@@ -73,6 +76,7 @@ impl<'a> Prepared<'a> {
         let Some(first_ns) = first else {
             return Err(PredictionError::NothingToPredict { run: recording.name.clone() });
         };
+        let cell_ends_ns = cell_ends_ns(&tracks, recording, settings.cell_s);
         let driven = go_along_speeds(recording).then(|| DrivenSpeeds::of(recording));
         let commands = Commands::along(recording, &gyrostat, driven.as_ref());
         let mut hidden_noise = vec![0.0; gyrostat.effects().hidden_states()];
@@ -101,6 +105,7 @@ impl<'a> Prepared<'a> {
             difference_step_ns,
             event,
             tracks,
+            cell_ends_ns,
             hidden_noise,
             driven_momentum_roots,
             clamped,
@@ -210,14 +215,27 @@ impl<'a> Prepared<'a> {
         self.plant.now_ns()
     }
 
-    /// How many numbers were read at most.
+    /// How many numbers are taken in at most.
     pub(crate) fn numbers(&self) -> usize {
-        self.tracks.iter().map(|track| track.time_s.len() * track.components.len()).sum()
+        self.tracks.iter().map(|track| self.taken_in(track) * track.components.len()).sum()
     }
 
-    /// How many instants there are at most at which anything was read.
+    /// How many instants there are at most at which anything is taken in.
     pub(crate) fn instants(&self) -> usize {
-        self.tracks.iter().map(|track| track.time_s.len()).sum()
+        let all = self.tracks.iter().map(|track| track.time_s.len()).sum();
+        if self.cell_ends_ns.is_empty() { all } else { self.cell_ends_ns.len() }
+    }
+
+    /// How often a sensor is taken in at most.
+    fn taken_in(&self, track: &Track<'_>) -> usize {
+        let all = track.time_s.len();
+        if self.cell_ends_ns.is_empty() { all } else { all.min(self.cell_ends_ns.len()) }
+    }
+
+    /// When what is read at an instant is taken in \[ns\].
+    pub(crate) fn cell_end_ns(&self, instant_ns: i64) -> i64 {
+        let next = self.cell_ends_ns.partition_point(|end_ns| *end_ns < instant_ns);
+        self.cell_ends_ns.get(next).copied().unwrap_or(instant_ns)
     }
 
     /// How fast it moves when it moves as fast as it ever was read to [1/s].

@@ -204,7 +204,7 @@ impl Recursive {
             rows.by_state.end_row();
             rows.variances.push(*variance);
             let value = value - dot(rows.by_state.row(rows.rows.len()), &self.state);
-            rows.rows.push(Row { component: *component, track: 0, sample: 0, reading: f64::NAN, value });
+            rows.rows.push(Row::now(*component, 0, 0, f64::NAN, value));
         }
         if !self.gains.correct(rows) {
             return false;

@@ -20,8 +20,23 @@ pub(crate) struct Row {
     pub sample: usize,
     /// What was read; of a direction NaN.
     pub reading: f64,
-    /// Reading less prediction.
+    /// Reading less prediction; of a cell the mean.
     pub value: f64,
+    /// That of the last reading, in the state of the present instant.
+    pub last: f64,
+    /// About which a direction's value is an angle, sensor axes.
+    pub axis: Vector3<f64>,
+    /// How long before the present instant it was read on average, and the mean square of that \[s\] \[s^2\].
+    pub lag_s: f64,
+    pub lag_squared_s2: f64,
+}
+
+impl Row {
+    /// Of a reading of this instant.
+    pub fn now(component: Component, track: usize, sample: usize, reading: f64, value: f64) -> Self {
+        let (axis, lag_s, lag_squared_s2) = (Vector3::zeros(), 0.0, 0.0);
+        Self { component, track, sample, reading, value, last: value, axis, lag_s, lag_squared_s2 }
+    }
 }
 
 /// Readings of one instant.
@@ -119,8 +134,7 @@ impl Seen<'_> {
             if !bias.is_empty() {
                 predicted += self.beside[bias.start + index];
             }
-            let row =
-                Row { component: *component, track: position, sample, reading, value: reading - predicted };
+            let row = Row::now(*component, position, sample, reading, reading - predicted);
             to.push(row, self.noise.of(*component).powi(2));
         }
     }
@@ -148,7 +162,7 @@ impl Seen<'_> {
                 (0..3).for_each(|i| to.by_state.set(ROTATION.start + i, -by_turn[i]));
             }
             let (component, value) = (*component, off.dot(&axis));
-            let row = Row { component, track: position, sample, reading: f64::NAN, value };
+            let row = Row { axis, ..Row::now(component, position, sample, f64::NAN, value) };
             to.push(row, self.noise.of(component).powi(2));
         }
     }

@@ -61,6 +61,11 @@ impl Step {
         }
     }
 
+    /// A of dx/dt = A x over the step.
+    pub fn motion(&self) -> &Sparse {
+        &self.motion
+    }
+
     /// With these derivatives [1/s], over a time \[s\]; driven by white noise, and by that part of it which is the model's own, if anybody
     /// asks.
     pub fn make(&mut self, a: &DMatrix<f64>, noise: &WhiteNoise, of_model: Option<&WhiteNoise>, step_s: f64) {

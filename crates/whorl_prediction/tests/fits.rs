@@ -10,8 +10,8 @@ use nalgebra::Vector3;
 use rigs::Draw;
 use whorl_dynamics::{MassProperties, PlatformModel};
 use whorl_prediction::{
-    FrozenGains, Noise, Parameter, Prepared, Settings, Told, Varied, fit, fitted_start, frozen_gains,
-    innovations, likelihood, predict, sensitivities,
+    CELL_S, Fitted, FrozenGains, Noise, Parameter, Prepared, Settings, Told, Varied, fit, fitted_start,
+    frozen_gains, innovations, likelihood, longest_cell_s, predict, sensitivities,
 };
 
 /// What of a rig is uncertain, each in standard deviations of what is known before.
@@ -60,8 +60,8 @@ fn moved(model: &PlatformModel, at: &[f64]) -> Option<PlatformModel> {
     Some(moved)
 }
 
-/// What was estimated less what is true, over the stated deviation, of every uncertain number of a rig.
-fn scores(seed: u64) -> Vec<f64> {
+/// A drawn rig whose every uncertain number was estimated with each of these settings; what is true of them, and what the rig is.
+fn estimates(seed: u64, settings: &[Settings]) -> (Vec<Fitted>, Vec<f64>, String) {
     let drawn = RefCell::new(Vec::new());
     let rig = rigs::drawn_as(seed, &|model: &PlatformModel, draw: &mut Draw| {
         let truth: Vec<f64> = (0..count(model)).map(|_| draw.normal()).collect();
@@ -73,19 +73,31 @@ fn scores(seed: u64) -> Vec<f64> {
     let parameters = vec![Parameter { stddev: 1.0, range: (-5.0, 5.0) }; truth.len()];
     let model_at = |at: &[f64]| moved(&rig.model, at);
     let from = vec![0.0; truth.len()];
-    let found = fit(&[rig.recording], &parameters, &model_at, &[from], &Settings::default()).unwrap();
-    assert!(found.log_posterior >= found.log_posterior_before, "{}", rig.what);
-    let score = |i: usize| (found.at[i] - truth[i]) / found.covariance[(i, i)].sqrt();
+    let recordings = [rig.recording];
+    let all = settings.iter().map(|settings| {
+        let settings =
+            &Settings { cell_s: longest_cell_s(&recordings, &rig.model, settings).unwrap(), ..*settings };
+        let found = fit(&recordings, &parameters, &model_at, std::slice::from_ref(&from), settings).unwrap();
+        assert!(found.log_posterior >= found.log_posterior_before, "{}", rig.what);
+        found
+    });
+    (all.collect(), truth, rig.what)
+}
+
+/// What was estimated less what is true, over the stated deviation, of every uncertain number of a rig.
+fn scores(seed: u64, settings: &Settings) -> Vec<f64> {
+    let (found, truth, what) = estimates(seed, std::slice::from_ref(settings));
+    let score = |i: usize| (found[0].at[i] - truth[i]) / found[0].covariance[(i, i)].sqrt();
     let scores: Vec<f64> = (0..truth.len()).map(score).collect();
     if scores.iter().any(|z| z.abs() > 3.5) {
-        println!("{}\n   {scores:?}", rig.what);
+        println!("{what}\n   {scores:?}");
     }
     scores
 }
 
 /// How the scores of these rigs scatter: their mean and standard deviation over what chance makes of so many normal ones.
-fn judged(seeds: impl Iterator<Item = u64>) -> (f64, f64) {
-    let all: Vec<f64> = seeds.flat_map(scores).collect();
+fn judged(seeds: impl Iterator<Item = u64>, settings: &Settings) -> (f64, f64) {
+    let all: Vec<f64> = seeds.flat_map(|seed| scores(seed, settings)).collect();
     let n = all.len() as f64;
     let mean = all.iter().sum::<f64>() / n;
     let stddev = (all.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
@@ -157,15 +169,49 @@ fn is_quick(seed: u64) -> bool {
 
 #[test]
 fn estimates_scatter_as_they_say() {
-    let (mean, stddev) = judged((0..40).filter(|seed| is_quick(*seed)));
+    let (mean, stddev) = judged((0..40).filter(|seed| is_quick(*seed)), &Settings::default());
     assert!(mean.abs() < 3.3 && stddev.abs() < 3.3, "{mean} {stddev} of what chance makes");
+}
+
+/// Settings with which readings are taken in together.
+fn by_means() -> Settings {
+    Settings { cell_s: CELL_S, ..Settings::default() }
+}
+
+/// Readings that are taken in together say of parameters what each of them says: the same values, as well known, but for what is lost of motions that are
+/// as fast as the mean is long.
+#[test]
+fn means_of_readings_say_what_readings_say() {
+    let mut worst: Vec<(f64, f64)> = Vec::new();
+    for seed in (40..70).filter(|seed| is_quick(*seed)) {
+        let (found, truth, what) = estimates(seed, &[Settings::default(), by_means()]);
+        for i in 0..truth.len() {
+            let [each, mean] = [0, 1].map(|k: usize| (found[k].at[i], found[k].covariance[(i, i)].sqrt()));
+            // What a mean does not show is noise of the estimate by means alone.
+            let lost = (mean.1.powi(2) - each.1.powi(2)).max(0.0).sqrt();
+            let apart = (mean.0 - each.0).abs() / lost.hypot(0.15 * each.1);
+            if apart > 3.0 {
+                println!("{what}: number {i}: {each:?} {mean:?}");
+            }
+            worst.push((apart, mean.1 / each.1));
+        }
+    }
+    let most = |of: fn(&(f64, f64)) -> f64| worst.iter().map(of).fold(0.0, f64::max);
+    let (apart, wider) = (most(|x| x.0), most(|x| x.1));
+    println!(
+        "measured: {} numbers, apart {apart:.2} at most, deviations {wider:.2} times at most",
+        worst.len()
+    );
+    assert!(worst.len() > 40 && apart < 2.5 && wider < 1.1, "{apart} {wider}");
 }
 
 #[test]
 #[ignore = "slow: fits to three hundred rigs"]
 fn estimates_of_many_rigs_scatter_as_they_say() {
-    let (mean, stddev) = judged((2000..2300).filter(|seed| is_quick(*seed)));
-    assert!(mean.abs() < 3.3 && stddev.abs() < 3.3, "{mean} {stddev} of what chance makes");
+    for settings in [Settings::default(), by_means()] {
+        let (mean, stddev) = judged((2000..2300).filter(|seed| is_quick(*seed)), &settings);
+        assert!(mean.abs() < 3.3 && stddev.abs() < 3.3, "{mean} {stddev} of what chance makes");
+    }
 }
 
 /// Whether a filter by derivatives is sure of the attitude that it has: about a single direction that is seen, the swing alone tells it

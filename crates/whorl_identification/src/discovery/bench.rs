@@ -88,7 +88,7 @@ impl<'a> Bench<'a> {
         let of_list =
             |recordings: &[Recording], all: &[Followed], by: f64| -> Result<Vec<Followed>, DiagnosisError> {
                 let each = recordings.iter().zip(all).map(|(recording, followed)| {
-                    let case = Prepared::new(recording, &model, runs.reference.settings.prediction)?;
+                    let case = Prepared::new(recording, &model, runs.prediction())?;
                     Ok(followed_with(&case, followed, followed.noise.disturbance.scaled(by)))
                 });
                 each.collect()
@@ -216,7 +216,7 @@ impl<'a> Bench<'a> {
         let selection = &self.selection;
         let told = Told::of(&selection.observed, &selection.lines, self.runs().available.sample_s);
         let is_asked = |effect: &dyn Effect| ids.contains(&effect.info().id);
-        let beside = Beside::new(self.runs(), self.base(), &told.clues(), is_asked)?;
+        let beside = Beside::new(self.runs(), self.base(), &told.clues(), is_asked, None)?;
         sets.iter().map(|set| self.evaluated(set, beside.as_ref())).collect()
     }
 

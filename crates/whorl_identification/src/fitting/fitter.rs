@@ -70,7 +70,7 @@ impl<'a> Fitter<'a> {
         let told = Told::of(&selection.observed, &selection.lines, self.case.available.sample_s);
         let ids: Vec<&'static str> = chosen.iter().map(|effect| effect.info().id).collect();
         let is_asked = |effect: &dyn Effect| ids.contains(&effect.info().id);
-        let beside = Beside::new(&runs, base, &told.clues(), is_asked)?;
+        let beside = Beside::new(&runs, base, &told.clues(), is_asked, None)?;
         let nothing =
             || DiagnosisError::NoEffect { id: ids.first().map_or_else(String::new, |id| (*id).to_owned()) };
         let hypothesis = beside.and_then(|beside| beside.with(&ids)).ok_or_else(nothing)?;

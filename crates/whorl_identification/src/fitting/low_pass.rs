@@ -34,6 +34,8 @@ pub(crate) fn without_those_that_do_not_delay(
     let settings = Settings {
         threads,
         fit_stands_nats: reference.settings.unfinished_nats,
+        // Its time is that of a few readings.
+        cell_s: 0.0,
         ..reference.settings.prediction
     };
     let fitted = |reference: &Reference, start: &[f64], rival: Rival<'_>| {

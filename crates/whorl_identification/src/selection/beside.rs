@@ -48,7 +48,8 @@ pub(crate) struct Entering {
 }
 
 /// One view of the samples.
-struct View {
+#[derive(Clone)]
+pub(crate) struct View {
     normal: Normal,
     /// Each training run.
     by_run: Vec<Hints>,
@@ -78,12 +79,13 @@ pub(crate) struct Beside<'a> {
 }
 
 impl<'a> Beside<'a> {
-    /// Of the effects that `is_asked` chooses.
+    /// Of the effects that `is_asked` chooses; `known`: views of the same, if it was made before.
     pub fn new(
         runs: &Runs<'a>,
         set: &'a Evaluated,
         clues: &Clues<'_>,
         is_asked: impl Fn(&dyn Effect) -> bool,
+        known: Option<&[View]>,
     ) -> Result<Option<Self>, DiagnosisError> {
         let reference = runs.reference;
         let refit = set.refit(reference);
@@ -146,6 +148,10 @@ impl<'a> Beside<'a> {
         let parameters = entries.len();
         entries.extend(hidden);
         let mut beside = Self { reference, set, entries, parameters, carried, offered, views: Vec::new() };
+        if let Some(known) = known {
+            beside.views = known.to_vec();
+            return Ok(Some(beside));
+        }
         let runs_as_fitted = set.fitted.followed.clone();
         let quiet: Vec<Followed> = runs_as_fitted.iter().map(Followed::without_disturbance).collect();
         let lost: f64 = runs_as_fitted
@@ -166,6 +172,11 @@ impl<'a> Beside<'a> {
             }
         }
         Ok(Some(beside))
+    }
+
+    /// What the samples say, for [`Self::new`] of the same set.
+    pub fn views(&self) -> &[View] {
+        &self.views
     }
 
     /// How many columns the set has itself.

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use whorl_dynamics::effects::Role;
 use whorl_prediction::{
-    Fitted, Followed, Noise, PredictionError, Prepared, Rival, Settings, follow, follow_again,
+    Fitted, Followed, Noise, PredictionError, Prepared, Rival, Settings, follow, follow_again, hints,
 };
 use whorl_recording::Recording;
 
@@ -16,7 +16,7 @@ use crate::selection::prior::log_prior;
 use crate::{DiagnosisError, threads};
 
 /// Most updates of the noise levels in a fit. It bounds the work.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 6;
 
 /// A set of effects, and how each enters.
 #[derive(Debug, Clone)]
@@ -49,8 +49,11 @@ pub(crate) struct Evaluated {
     pub held_out: Vec<Followed>,
     /// log p of the training runs, values integrated out, with the penalty of how the effects enter.
     pub log_evidence: f64,
-    /// log p of the held-out runs with these values.
+    /// log p of the held-out runs with these values,
     pub held_out_log: f64,
+    /// and by how much they should be likelier than with no effect, if the set is what there is: on average, beside the random torque that they need without
+    /// it.
+    pub held_out_expected: f64,
     pub seconds: f64,
 }
 
@@ -114,6 +117,8 @@ pub(crate) struct Runs<'a> {
     pub reference: &'a Reference,
     pub available: &'a Available,
     pub threads: usize,
+    /// No readings are taken in together: something fast shows.
+    pub each_reading: bool,
 }
 
 impl Runs<'_> {
@@ -123,6 +128,7 @@ impl Runs<'_> {
             threads: self.threads,
             fit_stands_nats: settings.converged_nats,
             fit_rounds: ROUNDS,
+            cell_s: if self.each_reading { 0.0 } else { settings.prediction.cell_s },
             ..settings.prediction
         }
     }
@@ -159,9 +165,16 @@ impl Runs<'_> {
             Some(base) if fitted.log_posterior <= base.fitted.log_posterior => base.held_out.clone(),
             base => self.follow_held_out(&refit, &fitted.at, base.map_or(&[], |base| &base.held_out))?,
         };
+        let held_out_expected = match others.first() {
+            Some(base) if fitted.log_posterior > base.fitted.log_posterior => {
+                self.expected_of_held_out(&refit, &hypothesis, &fitted.at, base)?
+            }
+            _ => 0.0,
+        };
         Ok(Evaluated {
             log_evidence: fitted.log_evidence - hypothesis.choices_nats,
             held_out_log: held_out.iter().map(Followed::log_likelihood).sum(),
+            held_out_expected,
             hypothesis,
             columns: refit.columns,
             stddevs: refit.stddevs,
@@ -173,6 +186,12 @@ impl Runs<'_> {
 
     /// A set fitted again with the noise levels of another one that holds it: neither may win by levels that the other was not offered.
     pub fn with_levels_of(&self, set: &Evaluated, other: &Evaluated) -> Result<Evaluated, DiagnosisError> {
+        let again = self.refitted(set, other)?;
+        Ok(if again.log_evidence > set.log_evidence { again } else { set.clone() })
+    }
+
+    /// A set fitted again from its values and the noise levels of another one.
+    pub fn refitted(&self, set: &Evaluated, other: &Evaluated) -> Result<Evaluated, DiagnosisError> {
         let begun = Instant::now();
         let refit = set.refit(self.reference);
         let rival = Rival { followed: &other.fitted.followed, log_posterior_needed: f64::NEG_INFINITY };
@@ -182,9 +201,6 @@ impl Runs<'_> {
             rival,
             &self.prediction(),
         )?;
-        if fitted.log_evidence <= set.fitted.log_evidence {
-            return Ok(set.clone());
-        }
         let held_out = self.follow_held_out(&refit, &fitted.at, &set.held_out)?;
         Ok(Evaluated {
             log_evidence: fitted.log_evidence - set.hypothesis.choices_nats,
@@ -194,6 +210,41 @@ impl Runs<'_> {
             seconds: set.seconds + begun.elapsed().as_secs_f64(),
             ..set.clone()
         })
+    }
+
+    /// By how much held-out recordings should be likelier with these values than with those of no effect. With d how far the two are apart and G the
+    /// information of the recordings on the values, that is d G d/2 on average. Of effects with states of their own it is not found: none.
+    fn expected_of_held_out(
+        &self,
+        refit: &Refit<'_>,
+        hypothesis: &Hypothesis,
+        units: &[f64],
+        base: &Evaluated,
+    ) -> Result<f64, DiagnosisError> {
+        if self.held_out.is_empty() || has_hidden_states(refit, hypothesis) {
+            return Ok(0.0);
+        }
+        let model_at = |units: &[f64]| refit.model_at(units);
+        let apart = refit.columns.iter().zip(units).map(|(column, units)| {
+            let known = base.columns.iter().position(|own| own.is(column));
+            match (known, column.role) {
+                (Some(k), _) => units - base.fitted.at[k],
+                (None, Role::Amplitude) => *units,
+                // What no amplitude makes does nothing.
+                (None, _) => 0.0,
+            }
+        });
+        let apart = nalgebra::DVector::from_iterator(units.len(), apart);
+        let all = hints(
+            self.held_out,
+            &refit.parameters(),
+            &model_at,
+            units,
+            &base.held_out,
+            &[],
+            &self.prediction(),
+        )?;
+        Ok(all.iter().map(|of_run| 0.5 * apart.dot(&(&of_run.information * &apart))).sum())
     }
 
     /// Held-out recordings with values that were fitted to the training ones; `before`: with another model close by, or none.
@@ -206,7 +257,7 @@ impl Runs<'_> {
         let model = refit.model_at(units).ok_or(PredictionError::NoModel)?;
         let runs: Vec<usize> = (0..self.held_out.len()).collect();
         let tried = |run: &usize| -> Result<Followed, DiagnosisError> {
-            let case = Prepared::new(&self.held_out[*run], &model, self.reference.settings.prediction)?;
+            let case = Prepared::new(&self.held_out[*run], &model, self.prediction())?;
             let stated = Noise::stated(&case)?;
             Ok(match before.get(*run) {
                 Some(before) => follow_again(&case, &stated, before),
@@ -239,13 +290,17 @@ fn starts(refit: &Refit<'_>, hypothesis: &Hypothesis, others: &[&Evaluated]) -> 
     }
     starts.dedup();
     // With states of its own no levels of another set fit, and each start would have to find its own.
-    let has_states = |id: &&'static str| {
-        whorl_dynamics::effects::find(id)
-            .is_some_and(|effect| effect.hidden_states(&refit.reference.model) > 0)
-    };
-    if hypothesis.effects.iter().any(has_states) {
+    if has_hidden_states(refit, hypothesis) {
         starts.truncate(2);
         starts.drain(..starts.len().saturating_sub(1));
     }
     starts
+}
+
+fn has_hidden_states(refit: &Refit<'_>, hypothesis: &Hypothesis) -> bool {
+    let has_states = |id: &&'static str| {
+        whorl_dynamics::effects::find(id)
+            .is_some_and(|effect| effect.hidden_states(&refit.reference.model) > 0)
+    };
+    hypothesis.effects.iter().any(has_states)
 }

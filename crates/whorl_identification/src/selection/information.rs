@@ -72,6 +72,7 @@ pub fn expected_information(
         reference: &reference,
         available: &available,
         threads: options.threads,
+        each_reading: false,
     };
     let mut selection = Selection::begun(runs, options)?;
     let leading = leading(&mut selection, explanations, options)?;
@@ -81,7 +82,9 @@ pub fn expected_information(
         with: vec![ExpectedInformation::default(); further.len()],
         ..InformationByRun::default()
     };
-    let Some(beside) = Beside::new(&runs, &leading, &told.clues(), is_asked)? else { return Ok(nothing()) };
+    let Some(beside) = Beside::new(&runs, &leading, &told.clues(), is_asked, None)? else {
+        return Ok(nothing());
+    };
     let at_hand = absolute(beside.by_run(), &beside);
     let of_further = normals_of(&runs, &leading, &further, &beside)?;
     let rivals: Vec<Rival<'_>> =
@@ -138,7 +141,7 @@ fn normals_of(
     let model = leading.refit(runs.reference).model_at(&leading.fitted.at);
     let model = model.ok_or(whorl_prediction::PredictionError::NoModel)?;
     let followed = |run: &Recording| -> Result<Followed, DiagnosisError> {
-        let case = Prepared::new(run, &model, runs.reference.settings.prediction)?;
+        let case = Prepared::new(run, &model, runs.prediction())?;
         Ok(follow(&case, &Noise::stated(&case)?))
     };
     let all: Result<Vec<Followed>, DiagnosisError> =

@@ -15,7 +15,7 @@ use crate::signals::seen::Seen;
 use crate::signals::{Observed, observed};
 use crate::{DiagnosisError, Options, Progress};
 
-pub(crate) use beside::Beside;
+pub(crate) use beside::{Beside, View};
 pub(crate) use hypothesis::{Evaluated, Hypothesis, Runs};
 use prior::{log_prior, smaller_sets};
 
@@ -24,6 +24,12 @@ const MOST_FITS: usize = 18;
 /// Sets that are fitted of those proposed beside one, and beside that of no effects.
 const MOST_ASKED: usize = 4;
 const MOST_ASKED_FIRST: usize = 6;
+
+/// Deviations that chance exceeds once in a thousand times, to one side.
+const CERTAIN: f64 = 3.09;
+
+/// What turns by more than this within the time of which readings are taken in together is lost by it: a quarter of a turn takes off a tenth.
+const FASTEST_CYCLES: f64 = 0.25;
 
 /// Sets of effects that were fitted, and what the runs are without any.
 pub(crate) struct Selection<'a> {
@@ -36,6 +42,8 @@ pub(crate) struct Selection<'a> {
     pub seen: Seen,
     /// and other periodicities.
     pub lines: Lines,
+    /// What the samples say beside sets that were looked at, by their names.
+    views: Vec<(Vec<&'static str>, Vec<View>)>,
 }
 
 /// What effects are told of data to find where they may start.
@@ -96,10 +104,12 @@ impl<'a> Selection<'a> {
             }
             expanded.push(most.names().to_vec());
             progress(selection.progress("comparing every sample with every effect"));
-            let proposals = {
+            let (proposals, views) = {
                 let Some(beside) = selection.beside(&most, options)? else { break };
-                beside.proposals(most.names().is_empty() && options.largest_set > 1)
+                let with_pairs = most.names().is_empty() && options.largest_set > 1;
+                (beside.proposals(with_pairs), beside.views().to_vec())
             };
+            selection.views.push((most.names().to_vec(), views));
             let asked = if most.names().is_empty() { MOST_ASKED_FIRST } else { MOST_ASKED };
             let is_new = |p: &beside::Proposal, all: &[Evaluated]| {
                 all.iter().all(|e| e.names() != p.hypothesis.effects)
@@ -117,7 +127,7 @@ impl<'a> Selection<'a> {
 
     /// The set of no effects alone, and what the runs are with it.
     pub fn begun(runs: Runs<'a>, options: &Options) -> Result<Self, DiagnosisError> {
-        let base = runs.evaluate(Hypothesis::none(runs.reference), &[])?;
+        let (mut runs, mut base) = (runs, runs.evaluate(Hypothesis::none(runs.reference), &[])?);
         let observed = observed(&runs, &base)?;
         let model = base.refit(runs.reference).model_at(&base.fitted.at);
         let model = model.as_ref().unwrap_or(&runs.reference.model);
@@ -125,7 +135,12 @@ impl<'a> Selection<'a> {
         let is_tested = |effect: &dyn Effect| is_tested(&runs, options, effect);
         let seen = Seen::of(&observed, model, settings, is_tested);
         let lines = Lines::of(&observed, model, &seen.turning, settings);
-        Ok(Self { runs, evaluated: vec![base], observed, seen, lines })
+        let fastest_hz = FASTEST_CYCLES / settings.prediction.cell_s;
+        if !seen.rows.is_empty() || lines.is_any_faster(fastest_hz, settings) {
+            runs.each_reading = true;
+            base = runs.refitted(&base, &base)?;
+        }
+        Ok(Self { runs, evaluated: vec![base], observed, seen, lines, views: Vec::new() })
     }
 
     fn progress(&self, doing: &'static str) -> Progress {
@@ -146,7 +161,8 @@ impl<'a> Selection<'a> {
     ) -> Result<Option<Beside<'s>>, DiagnosisError> {
         let told = Told::of(&self.observed, &self.lines, self.runs.available.sample_s);
         let is_asked = |effect: &dyn Effect| !is_excluded(options, effect.info().id);
-        Beside::new(&self.runs, set, &told.clues(), is_asked)
+        let known = self.views.iter().find(|(names, _)| names == set.names());
+        Beside::new(&self.runs, set, &told.clues(), is_asked, known.map(|(_, views)| &views[..]))
     }
 
     /// Fits a set that was proposed beside another one, and where its noise levels and not its effects make it likelier, the other one
@@ -165,6 +181,7 @@ impl<'a> Selection<'a> {
             if let Some(again) = DiagnosisError::possible(again)?
                 && let Some(slot) = self.evaluated.iter_mut().find(|e| e.names() == beside.names())
             {
+                self.views.retain(|(names, _)| names != again.names());
                 *slot = again;
             }
         }
@@ -188,8 +205,7 @@ impl<'a> Selection<'a> {
     }
 
     /// Whether a set explains training runs better than that of no effects and held-out ones not worse, and more than the shape errors of
-    /// each smaller set leave. What held-out data say of a faint effect scatters: a log likelihood ratio has a variance of twice its mean,
-    /// which is at most what the training data gained.
+    /// each smaller set leave.
     pub fn is_admissible(&self, set: &Evaluated) -> bool {
         if set.names().is_empty() {
             return true;
@@ -198,7 +214,8 @@ impl<'a> Selection<'a> {
         let own = set.log_evidence - base.log_evidence;
         let held = set.held_out_log - base.held_out_log;
         let has_held_out = !self.runs.held_out.is_empty();
-        if own <= 0.0 || (has_held_out && held < -(2.0 * own).sqrt()) || set.is_at_the_end_of_a_range() {
+        let is_borne_out = !has_held_out || is_borne_out(own, held, set.held_out_expected);
+        if own <= 0.0 || !is_borne_out || set.is_at_the_end_of_a_range() {
             return false;
         }
         let share = self.runs.reference.settings.misspecification;
@@ -215,6 +232,14 @@ impl<'a> Selection<'a> {
     }
 }
 
+/// Whether held-out data bear out what training data gained by effects. A log likelihood ratio has a variance of twice its mean, which is what is `expected` if
+/// the effects are there as they were fitted, and at most what the training data gained. Formulas are never quite those of a rig: that held-out data
+/// gain half of it is enough.
+fn is_borne_out(own: f64, held: f64, expected: f64) -> bool {
+    let is_missed = held < 0.5 * expected && expected - held > CERTAIN * (2.0 * expected).sqrt();
+    held >= -(2.0 * own).sqrt() && !is_missed
+}
+
 pub(crate) fn is_excluded(options: &Options, id: &str) -> bool {
     options.exclude.iter().any(|excluded| excluded == id)
 }
@@ -223,4 +248,22 @@ pub(crate) fn is_excluded(options: &Options, id: &str) -> bool {
 fn is_tested(runs: &Runs<'_>, options: &Options, effect: &dyn Effect) -> bool {
     let id = effect.info().id;
     !is_excluded(options, id) && !runs.reference.model.effects.contains_key(id)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_borne_out;
+
+    #[test]
+    fn held_out_data_must_gain_what_they_would_if_the_effect_were_there() {
+        // Twenty nats are expected, with a deviation of the root of forty.
+        assert!(is_borne_out(100.0, 20.0, 20.0) && is_borne_out(100.0, 1.0, 20.0));
+        assert!(!is_borne_out(100.0, -1.0, 20.0));
+        // Of a strong effect whose formula is a little other half is enough.
+        assert!(is_borne_out(1000.0, 130.0, 250.0) && !is_borne_out(1000.0, 120.0, 250.0));
+        // Runs that do not excite it say nothing,
+        assert!(is_borne_out(100.0, -1.0, 0.5));
+        // unless they are much less likely with it.
+        assert!(!is_borne_out(100.0, -15.0, 0.5));
+    }
 }

@@ -145,7 +145,7 @@ fn on_background(
     let stddev_n_m = BACKGROUND * settings.background_share * applied.body_n_m();
     let model = set.refit(runs.reference).model_at(&set.fitted.at).ok_or(PredictionError::NoModel)?;
     let of_run = |(recording, followed): (&Recording, &Followed)| -> Result<Followed, DiagnosisError> {
-        let case = Prepared::new(recording, &model, settings.prediction)?;
+        let case = Prepared::new(recording, &model, runs.prediction())?;
         if followed.noise.disturbance.is_some() || case.is_clamped() {
             return Ok(followed.clone());
         }

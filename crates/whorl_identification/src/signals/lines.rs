@@ -33,6 +33,14 @@ pub(crate) struct Lines {
 }
 
 impl Lines {
+    /// Whether something periodic shows that is faster than this \[Hz\], or goes with a wheel.
+    pub fn is_any_faster(&self, hz: f64, settings: &Settings) -> bool {
+        // Of lines only the strongest is known to be one.
+        let is_certain = self.strongest > settings.certain_stddevs;
+        is_certain && (!self.orders.is_empty() || self.hz.first().is_some_and(|line| *line > hz))
+            || self.modes.iter().any(|mode| mode.hz > hz && mode.significance > settings.certain_stddevs)
+    }
+
     /// In what these runs leave; wheels whose imbalance the samples show turn at no frequency of their own.
     pub fn of(
         observed: &[Observed<'_>],

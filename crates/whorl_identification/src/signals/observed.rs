@@ -178,7 +178,7 @@ pub(crate) fn observed<'a>(runs: &Runs<'a>, set: &Evaluated) -> Result<Vec<Obser
     let numbers: Vec<usize> = (0..runs.training.len()).collect();
     let of_run = |run: &usize| -> Result<Observed<'a>, DiagnosisError> {
         let (recording, followed) = (&runs.training[*run], &set.fitted.followed[*run]);
-        let case = Prepared::new(recording, &model, runs.reference.settings.prediction)?;
+        let case = Prepared::new(recording, &model, each_reading(runs))?;
         let clamped = is_clamped(recording, &model);
         let is_disturbed = followed.noise.disturbance.is_some();
         let (loud, of_loud) = grid(&case, &followed.noise, &followed.fitted.start);
@@ -210,12 +210,17 @@ pub(crate) fn remains(
         .ok_or(whorl_prediction::PredictionError::NoModel)?;
     let pairs: Vec<(&Recording, &Followed)> = recordings.iter().zip(followed).collect();
     let of_run = |(recording, followed): &(&Recording, &Followed)| -> Result<Remains, DiagnosisError> {
-        let case = Prepared::new(recording, &model, runs.reference.settings.prediction)?;
+        let case = Prepared::new(recording, &model, each_reading(runs))?;
         Ok(grid(&case, &followed.undisturbed_noise(), &followed.undisturbed.start).1)
     };
     let all: Result<Vec<Remains>, DiagnosisError> =
         threads::map(runs.threads, &pairs, of_run).into_iter().collect();
     Ok(all?.into_iter().fold(Remains::default(), Remains::and))
+}
+
+/// Numbers of the predictor by which every reading is seen by itself.
+fn each_reading(runs: &Runs<'_>) -> whorl_prediction::Settings {
+    Runs { each_reading: true, ..*runs }.prediction()
 }
 
 fn grid(case: &Prepared<'_>, noise: &Noise, start: &Start) -> (Grid, Remains) {

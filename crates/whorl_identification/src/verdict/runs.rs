@@ -16,7 +16,7 @@ pub(super) fn noise_scales(runs: &Runs<'_>, set: &Evaluated) -> Result<Vec<Noise
     let model = refit.model_at(&set.fitted.at).ok_or(whorl_prediction::PredictionError::NoModel)?;
     let mut scales = Vec::new();
     for (recording, followed) in runs.training.iter().zip(&set.fitted.followed) {
-        let case = Prepared::new(recording, &model, runs.reference.settings.prediction)?;
+        let case = Prepared::new(recording, &model, runs.prediction())?;
         let stated = Noise::stated(&case)?;
         let mut sensors: Vec<(Channel, usize, Vec<f64>)> = Vec::new();
         for component in case.components() {
@@ -121,7 +121,7 @@ pub(super) fn contradiction(runs: &Runs<'_>, set: &Evaluated) -> Option<Unknown>
     let model = set.refit(runs.reference).model_at(&set.fitted.at)?;
     let mut powers: Vec<f64> = Vec::new();
     for (recording, followed) in runs.training.iter().zip(&set.fitted.followed) {
-        let case = Prepared::new(recording, &model, runs.reference.settings.prediction).ok()?;
+        let case = Prepared::new(recording, &model, runs.prediction()).ok()?;
         let stated = Noise::stated(&case).ok()?;
         let power = power_of_attitude(&case, followed, &stated);
         powers.extend(power);

@@ -152,7 +152,7 @@ fn spread(case: &Prepared<'_>, noise: Noise) -> Noise {
 
 /// Correlation times of torques that come and go within a run: one that stays all along is a constant of the model, and of one that is gone at the next
 /// reading no reading tells that it comes and goes.
-fn times_s<'a>(case: &'a Prepared<'_>) -> &'a [f64] {
+pub(crate) fn times_s<'a>(case: &'a Prepared<'_>) -> &'a [f64] {
     let times_s = &case.settings().disturbance_correlations_s;
     let duration_s = case.recording().duration_s();
     let sample_s = duration_s / case.instants().max(1) as f64;

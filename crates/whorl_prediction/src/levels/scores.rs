@@ -56,7 +56,8 @@ impl Scores {
         let read: Vec<Option<(usize, f64)>> = trail
             .components
             .iter()
-            .map(|component| Some((levels.of_reading(*component)?, noise.of(*component).powi(2))))
+            .zip(&trail.own)
+            .map(|(component, variance)| Some((levels.of_reading(*component)?, *variance)))
             .collect();
         for ((level, variance), own) in read.iter().zip(&back.own).filter_map(|(to, own)| Some(((*to)?, own)))
         {

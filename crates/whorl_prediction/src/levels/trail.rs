@@ -47,6 +47,8 @@ pub(crate) struct Trail {
     pub(super) by_state: Packed,
     pub(super) components: Vec<Component>,
     pub(super) values: Vec<f64>,
+    /// Their own variances,
+    pub(super) own: Vec<f64>,
     /// and their gains, of which seven digits are enough.
     pub(super) gains: Vec<f32>,
     pub(super) couplings: Vec<f32>,
@@ -66,6 +68,7 @@ impl Trail {
             by_state: Packed::default(),
             components: Vec::new(),
             values: Vec::new(),
+            own: Vec::new(),
             gains: Vec::new(),
             couplings: Vec::new(),
             variances: Vec::new(),
@@ -82,6 +85,7 @@ impl Trail {
         self.by_state.clear();
         self.components.clear();
         self.values.clear();
+        self.own.clear();
         self.gains.clear();
         self.couplings.clear();
         self.variances.clear();
@@ -96,7 +100,7 @@ impl Trail {
             + 4 * (self.gains.len() + self.couplings.len())
             + (size_of::<Stride>() + 16 * driven) * self.strides.len()
             + size_of::<Instant>() * self.instants.len()
-            + (size_of::<Component>() + 32) * self.values.len();
+            + (size_of::<Component>() + 40) * self.values.len();
         bytes >= MOST_BYTES
     }
 
@@ -120,6 +124,7 @@ impl Trail {
         self.by_state.append(&readings.by_state);
         self.components.extend(readings.rows.iter().map(|row| row.component));
         self.values.extend_from_slice(values);
+        self.own.extend_from_slice(&readings.variances);
         gain.append_to(&mut self.gains, &mut self.couplings, &mut self.variances);
         let (strides, readings) = (self.strides.len(), self.values.len());
         self.instants.push(Instant { strides, readings, held: std::mem::take(&mut self.held) });
