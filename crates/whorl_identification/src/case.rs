@@ -43,11 +43,8 @@ impl<'a> Case<'a> {
         let (held_out, of_held_out) = checked(held_out, model)?;
         left_out.extend(of_held_out);
         let given = Reference::new(model, prior, options.settings);
-        let mut reference = Reference { model: delaying(&given, &available, &training, options)?, ..given };
-        let prediction = &mut reference.settings.prediction;
-        for runs in [&training, &held_out] {
-            prediction.cell_s = longest_cell_s(runs, &reference.model, prediction)?;
-        }
+        let reference = Reference { model: delaying(&given, &available, &training, options)?, ..given };
+        let reference = with_cells_of(reference, &[&training, &held_out])?;
         Ok(Self {
             training,
             held_out,
@@ -75,6 +72,18 @@ impl<'a> Case<'a> {
             each_reading: false,
         }
     }
+}
+
+/// The same model, with as much of these recordings taken in together as all of them allow.
+pub(crate) fn with_cells_of(
+    mut reference: Reference,
+    all: &[&[Recording]],
+) -> Result<Reference, DiagnosisError> {
+    let prediction = &mut reference.settings.prediction;
+    for recordings in all {
+        prediction.cell_s = longest_cell_s(recordings, &reference.model, prediction)?;
+    }
+    Ok(reference)
 }
 
 /// Recordings that can be used, without readings that say nothing, and what was left out.

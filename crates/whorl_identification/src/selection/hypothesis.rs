@@ -52,8 +52,8 @@ pub(crate) struct Evaluated {
     /// log p of the held-out runs with these values,
     pub held_out_log: f64,
     /// and by how much they should be likelier than with no effect, if the set is what there is: on average, beside the random torque that they need without
-    /// it.
-    pub held_out_expected: f64,
+    /// it; `None`: that is not known.
+    pub held_out_expected: Option<f64>,
     pub seconds: f64,
 }
 
@@ -169,7 +169,7 @@ impl Runs<'_> {
             Some(base) if fitted.log_posterior > base.fitted.log_posterior => {
                 self.expected_of_held_out(&refit, &hypothesis, &fitted.at, base)?
             }
-            _ => 0.0,
+            _ => None,
         };
         Ok(Evaluated {
             log_evidence: fitted.log_evidence - hypothesis.choices_nats,
@@ -213,16 +213,16 @@ impl Runs<'_> {
     }
 
     /// By how much held-out recordings should be likelier with these values than with those of no effect. With d how far the two are apart and G the
-    /// information of the recordings on the values, that is d G d/2 on average. Of effects with states of their own it is not found: none.
+    /// information of the recordings on the values, that is d G d/2 on average. Of effects with states of their own it is not found.
     fn expected_of_held_out(
         &self,
         refit: &Refit<'_>,
         hypothesis: &Hypothesis,
         units: &[f64],
         base: &Evaluated,
-    ) -> Result<f64, DiagnosisError> {
+    ) -> Result<Option<f64>, DiagnosisError> {
         if self.held_out.is_empty() || has_hidden_states(refit, hypothesis) {
-            return Ok(0.0);
+            return Ok(None);
         }
         let model_at = |units: &[f64]| refit.model_at(units);
         let apart = refit.columns.iter().zip(units).map(|(column, units)| {
@@ -244,7 +244,7 @@ impl Runs<'_> {
             &[],
             &self.prediction(),
         )?;
-        Ok(all.iter().map(|of_run| 0.5 * apart.dot(&(&of_run.information * &apart))).sum())
+        Ok(Some(all.iter().map(|of_run| 0.5 * apart.dot(&(&of_run.information * &apart))).sum()))
     }
 
     /// Held-out recordings with values that were fitted to the training ones; `before`: with another model close by, or none.

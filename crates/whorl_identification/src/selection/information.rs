@@ -17,7 +17,7 @@ use crate::parameter_space::Reference;
 use crate::parameter_space::available::Available;
 use crate::selection::prior::{SIZES, log_prior, size_penalty_nats};
 use crate::selection::{Beside, Evaluated, Runs, Selection, is_excluded};
-use crate::{DiagnosisError, Options, checked, threads};
+use crate::{DiagnosisError, Options, checked, threads, with_cells_of};
 
 /// Information in data on which explanation is true: as it is, or as it is expected to be.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -65,7 +65,7 @@ pub fn expected_information(
     // Actuators and sensors that only the further recordings have make more effects testable.
     let available = Available::of(training, model).or(&Available::of(further, model));
     let (training, further) = (checked(training, model)?.0, checked(further, model)?.0);
-    let reference = Reference::new(model, prior, options.settings);
+    let reference = with_cells_of(Reference::new(model, prior, options.settings), &[&training, &further])?;
     let runs = Runs {
         training: &training,
         held_out: &[],

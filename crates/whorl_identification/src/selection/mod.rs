@@ -13,7 +13,7 @@ use whorl_dynamics::effects::{Clues, Resonance};
 use crate::signals::lines::Lines;
 use crate::signals::seen::Seen;
 use crate::signals::{Observed, observed};
-use crate::{DiagnosisError, Options, Progress};
+use crate::{DiagnosisError, Options, Progress, Settings};
 
 pub(crate) use beside::{Beside, View};
 pub(crate) use hypothesis::{Evaluated, Hypothesis, Runs};
@@ -135,8 +135,9 @@ impl<'a> Selection<'a> {
         let is_tested = |effect: &dyn Effect| is_tested(&runs, options, effect);
         let seen = Seen::of(&observed, model, settings, is_tested);
         let lines = Lines::of(&observed, model, &seen.turning, settings);
-        let fastest_hz = FASTEST_CYCLES / settings.prediction.cell_s;
-        if !seen.rows.is_empty() || lines.is_any_faster(fastest_hz, settings) {
+        let cell_s = settings.prediction.cell_s;
+        let is_fast = || !seen.rows.is_empty() || lines.is_any_faster(FASTEST_CYCLES / cell_s, settings);
+        if cell_s > 0.0 && is_fast() {
             runs.each_reading = true;
             base = runs.refitted(&base, &base)?;
         }
@@ -214,11 +215,12 @@ impl<'a> Selection<'a> {
         let own = set.log_evidence - base.log_evidence;
         let held = set.held_out_log - base.held_out_log;
         let has_held_out = !self.runs.held_out.is_empty();
-        let is_borne_out = !has_held_out || is_borne_out(own, held, set.held_out_expected);
+        let settings = &self.runs.reference.settings;
+        let is_borne_out = !has_held_out || is_borne_out(own, held, set.held_out_expected, settings);
         if own <= 0.0 || !is_borne_out || set.is_at_the_end_of_a_range() {
             return false;
         }
-        let share = self.runs.reference.settings.misspecification;
+        let share = settings.misspecification;
         smaller_sets(set.names()).all(|names| {
             self.set(&names).filter(|smaller| !smaller.names().is_empty()).is_none_or(|smaller| {
                 set.log_evidence - smaller.log_evidence > share * (smaller.log_evidence - base.log_evidence)
@@ -234,9 +236,12 @@ impl<'a> Selection<'a> {
 
 /// Whether held-out data bear out what training data gained by effects. A log likelihood ratio has a variance of twice its mean, which is what is `expected` if
 /// the effects are there as they were fitted, and at most what the training data gained. Formulas are never quite those of a rig: that held-out data
-/// gain half of it is enough.
-fn is_borne_out(own: f64, held: f64, expected: f64) -> bool {
-    let is_missed = held < 0.5 * expected && expected - held > CERTAIN * (2.0 * expected).sqrt();
+/// gain half of it is enough, and of what is expected nothing is missed where it is not known.
+fn is_borne_out(own: f64, held: f64, expected: Option<f64>, settings: &Settings) -> bool {
+    let is_missed = expected.is_some_and(|expected| {
+        let by_chance = CERTAIN * (2.0 * expected).sqrt() + settings.prediction.fit_round_nats;
+        held < 0.5 * expected && expected - held > by_chance
+    });
     held >= -(2.0 * own).sqrt() && !is_missed
 }
 
@@ -252,7 +257,11 @@ fn is_tested(runs: &Runs<'_>, options: &Options, effect: &dyn Effect) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::is_borne_out;
+    use crate::Settings;
+
+    fn is_borne_out(own: f64, held: f64, expected: impl Into<Option<f64>>) -> bool {
+        super::is_borne_out(own, held, expected.into(), &Settings::default())
+    }
 
     #[test]
     fn held_out_data_must_gain_what_they_would_if_the_effect_were_there() {
@@ -262,8 +271,10 @@ mod tests {
         // Of a strong effect whose formula is a little other half is enough.
         assert!(is_borne_out(1000.0, 130.0, 250.0) && !is_borne_out(1000.0, 120.0, 250.0));
         // Runs that do not excite it say nothing,
-        assert!(is_borne_out(100.0, -1.0, 0.5));
+        assert!(is_borne_out(100.0, -1.0, 0.5) && is_borne_out(100.0, -0.4, 0.0));
         // unless they are much less likely with it.
         assert!(!is_borne_out(100.0, -15.0, 0.5));
+        // Where nobody knows what to expect, only that counts.
+        assert!(is_borne_out(100.0, -10.0, None) && !is_borne_out(100.0, -15.0, None));
     }
 }
