@@ -4,8 +4,8 @@
     docs/book/outputs.py [PAGE...] [--whorl PROGRAM] [--check] [--keep FOLDER]
 
 A block of commands is run if the line above it is `<!-- run -->`; the block without a language that follows it is its output, or lines of
-it: `...` stands for those that are left out. All commands of a page run one after the other, in one folder with a copy of params/, in
-which a folder of their own stands for /tmp. Without --check the pages are written: each line that was shown is looked up by its words,
+it: `...` stands for those that are left out. All commands of a page run one after the other, in one folder with a copy of params/ and of
+the workbench's example, in which a folder of their own stands for /tmp. Without --check the pages are written: each line that was shown is looked up by its words,
 and gets its new numbers; a line that nothing is like any more is an error, and its excerpt has to be chosen anew. With --check
 nothing is written, and it fails where words differ, or a number by more than {PERCENT} % and its last digit (other processors round
 otherwise). Without PAGE: all pages of docs/ that have such a block, and the README.
@@ -22,6 +22,7 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+EXAMPLE = ROOT / "crates/whorl_workbench/assets/example"
 MARK = "<!-- run -->"
 LEFT_OUT = "..."
 NUMBER = re.compile(r"(?<![A-Za-z_\d.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![A-Za-z_\d])")
@@ -121,6 +122,7 @@ def refreshed(page, folder, whorl):
     lines, differ, lost, moved = page.read_text().split("\n"), 0, 0, 0
     name = page.relative_to(ROOT) if page.is_relative_to(ROOT) else page
     shutil.copytree(ROOT / "params", folder / "params")
+    shutil.copytree(EXAMPLE, folder, dirs_exist_ok=True)
     (folder / "bin").mkdir()
     (folder / "bin" / "whorl").symlink_to(whorl)
     for commands, at, shown in blocks(page.read_text()):

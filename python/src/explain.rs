@@ -205,7 +205,10 @@ pub fn adopt(
                 Some(adoption::write(Some(out.as_path()), anyway, &runs, &found, &source, utc_now())?)
             }
         };
-        let json = adoption::as_json(&runs.known.platform, &found.versions, &found.answer(), &source)?;
+        let simulated = out.as_ref().and_then(|out| adoption::pointing(&runs, out).0);
+        let platform = &runs.known.platform;
+        let json =
+            adoption::as_json(platform, &found.versions, &found.answer(), &source, simulated.as_ref())?;
         let new = found.versions.last().and_then(|version| version.fit.as_ref()).map(|fit| {
             let known =
                 KnownPlatform { model: fit.model.clone(), prior: fit.prior.clone(), ..runs.known.clone() };

@@ -18,7 +18,7 @@ def params():
 
 @pytest.fixture(scope="session")
 def program():
-    """Runs the `whorl` program; returns the finished process."""
+    """Runs the `whorl` program, which is at its `path`; returns the finished process."""
     folder = os.environ.get("WHORL_BIN")
     path = shutil.which("whorl", path=folder) if folder else shutil.which("whorl")
     if path is None:
@@ -29,6 +29,7 @@ def program():
         assert (done.returncode == 0) == ok, done.stdout + done.stderr
         return done
 
+    run.path = path
     return run
 
 

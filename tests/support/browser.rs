@@ -154,6 +154,22 @@ impl Browser {
             .collect()
     }
 
+    /// Shows a page this wide [CSS pixels], light or dark.
+    pub fn show_as(&mut self, page: &Page, width: u32, dark: bool) {
+        let size = json!({"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": false});
+        self.call(Some(&page.session), "Emulation.setDeviceMetricsOverride", size);
+        let scheme = if dark { "dark" } else { "light" };
+        let features = json!({"features": [{"name": "prefers-color-scheme", "value": scheme}]});
+        self.call(Some(&page.session), "Emulation.setEmulatedMedia", features);
+    }
+
+    /// What axe finds of a page that cannot be used with a screen reader or the keyboard, or hardly be read.
+    pub fn flaws(&mut self, page: &Page) -> Vec<String> {
+        self.value(page, concat!(include_str!("axe/axe.min.js"), "; 1"));
+        let found = self.value(page, "axe.run(document, {resultTypes: ['violations']}).then((r) => r.violations.map((v) => `${v.id}: ${v.help}: ${v.nodes.map((n) => n.target.join(' ')).join(', ')}`))");
+        serde_json::from_value(found).unwrap()
+    }
+
     /// Loads a page anew.
     pub fn reload(&mut self, page: &Page) {
         self.call(Some(&page.session), "Page.reload", json!({}));

@@ -1,5 +1,8 @@
 //! `whorl open` in a real browser, as a person would use it: a file is dropped, the effect is found, adopted and taken back; a computation
-//! is stopped; a letter is no recording; two pages see the same; the program is killed and started again.
+//! is stopped; a letter is no recording; two pages see the same; the program is killed and started again. `whole`: the example of a real rig,
+//! whose effect has no name, and a run of two platforms.
+
+mod whole;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -29,8 +32,7 @@ struct Open {
 }
 
 fn data(name: &str) -> PathBuf {
-    let example = root().join("crates/whorl_workbench/assets/example").join(name);
-    if example.exists() { example } else { root().join("tests/workbench/data").join(name) }
+    root().join("tests/workbench/data").join(name)
 }
 
 /// Opens a folder with these files of the data.
@@ -82,6 +84,20 @@ fn is_idle(browser: &mut Browser, page: &Page, timeout: Duration) {
     browser.wait(page, "all that was asked", timeout, "document.body.dataset.busy === '' && !document.querySelector('#job_stages')?.textContent.includes('then:') || document.getElementById('working').hidden");
 }
 
+/// Nothing keeps a person from using the page with keyboard or screen reader, wide or narrow, light or dark.
+fn is_usable_by_all(browser: &mut Browser, page: &Page) {
+    for (width, dark) in [(390, false), (390, true), (1400, true), (1400, false)] {
+        browser.show_as(page, width, dark);
+        // Drawn at this size.
+        browser
+            .value(page, "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))");
+        let flaws = browser.flaws(page);
+        assert!(flaws.is_empty(), "{width} px, dark: {dark}: {flaws:#?}");
+        let wider = browser.value(page, "document.documentElement.scrollWidth - innerWidth");
+        assert!(wider.as_f64().unwrap() <= 0.0, "{width} px: scrolls sideways by {wider} px");
+    }
+}
+
 /// What the command says of the same files.
 fn by_command(folder: &Path, arguments: &[&str]) -> Value {
     let output = Command::new(binaries::path("whorl"))
@@ -115,6 +131,8 @@ fn a_dropped_file_leads_to_the_effect_that_it_was_made_with_and_back() {
     let error = said["prediction_error"].as_f64().unwrap();
     assert!((before - error).abs() < 0.006, "the page says {before}, the command {error}");
     assert!(before > 1.5, "{before}");
+
+    is_usable_by_all(&mut browser, &page);
 
     // A computation that is stopped leaves no answer, and the page as it was.
     click(&mut browser, &page, "#ask_diagnose");
@@ -151,6 +169,9 @@ fn a_dropped_file_leads_to_the_effect_that_it_was_made_with_and_back() {
     let stddev = number(rest);
     assert!((value - FRICTION_N_M_S).abs() < 4.0 * stddev && stddev < 0.1 * FRICTION_N_M_S, "{line}");
     assert_eq!(text(&mut browser, &page, "#steps tr:nth-child(2) td"), "1");
+    // A pendulum has nothing to point with, and the page says so.
+    assert!(text(&mut browser, &page, "#adopt").contains("was not simulated: it has no wheels or jets"));
+    is_usable_by_all(&mut browser, &page);
 
     // Exported, it is one page with the figures and the commands.
     click(&mut browser, &page, "#export");

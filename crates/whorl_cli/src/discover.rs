@@ -76,6 +76,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     say!();
     print_laws(&found);
+    for remark in runs.left_out() {
+        say!("note: {remark}");
+    }
     let provenance = provenance_of_this(&arguments.explain.runs)?;
     if let Some(path) = &arguments.write {
         let best = found.best().with_context(|| "nothing was written: no law is more probable than none")?;

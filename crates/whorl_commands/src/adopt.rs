@@ -11,6 +11,7 @@ use whorl_node::Timestamp;
 use whorl_params::{EFFECTS_FOLDER, effect_files_beside, effect_yaml};
 
 use crate::model_file;
+use crate::pointing::Pointing;
 use crate::runs::Runs;
 
 /// Version of the JSON output.
@@ -30,7 +31,7 @@ pub fn write(
 ) -> anyhow::Result<String> {
     let Some(out) = out else { bail!("name the file to write with --out") };
     let case = runs.case();
-    if let Some(objection) = adoption.objection(&case).filter(|_| !anyway) {
+    if let Some(objection) = adoption.objection().filter(|_| !anyway) {
         bail!("{objection}. Nothing was written; --anyway overrides this");
     }
     let changes = adoption.changes(&case, provenance);
@@ -76,7 +77,22 @@ fn write_effects(out: &Path, adoption: &Adoption, provenance: &str) -> anyhow::R
     Ok(())
 }
 
-/// Every version with its parameters and errors.
+/// What the model that was written into `out` is worth in control, and a sentence on it, or on why nothing could be simulated.
+#[must_use]
+pub fn pointing(runs: &Runs, out: &Path) -> (Option<Pointing>, String) {
+    match Pointing::simulated(&runs.known, out) {
+        Ok(pointing) => {
+            let words = pointing.in_words();
+            (Some(pointing), words)
+        }
+        Err(error) => {
+            let platform = &runs.known.platform;
+            (None, format!("Pointing of {platform} was not simulated: {}.", crate::in_words(&error)))
+        }
+    }
+}
+
+/// Every version with its parameters and errors, and the simulated pointing errors.
 ///
 /// # Errors
 /// When a number cannot be serialised.
@@ -85,6 +101,7 @@ pub fn as_json(
     versions: &[Version],
     answer: &[String],
     provenance: &str,
+    pointing: Option<&Pointing>,
 ) -> anyhow::Result<serde_json::Value> {
     let mut list = Vec::new();
     for version in versions {
@@ -120,6 +137,7 @@ pub fn as_json(
         "answer": answer,
         "provenance": provenance,
         "versions": list,
+        "pointing": pointing,
     }))
 }
 

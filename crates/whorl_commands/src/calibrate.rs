@@ -2,9 +2,9 @@
 
 use anyhow::bail;
 use serde_json::{Value, json};
-use whorl_calibration::{CalibrationSettings, ImuCalibration, Misfit, NoiseFit, PerAxis, SensorCalibration};
+use whorl_calibration::{CalibrationSettings, ImuCalibration, Misfit, PerAxis, SensorCalibration};
 use whorl_explain::changes::{Change, of_calibration};
-use whorl_math::{rad_from_deg, three_digits};
+use whorl_math::{NoiseDensities, rad_from_deg, three_digits};
 use whorl_params::Value as Parameter;
 
 use crate::identify::findings_as_json;
@@ -77,9 +77,9 @@ fn sensor(of: &SensorCalibration, unit: &str) -> Value {
     })
 }
 
-fn of_noise(sensor: &SensorCalibration, pick: impl Fn(&NoiseFit) -> Option<[f64; 2]>) -> PerAxis {
+fn of_noise(sensor: &SensorCalibration, pick: impl Fn(&NoiseDensities) -> Option<[f64; 2]>) -> PerAxis {
     let mut all = PerAxis { value: [0.0; 3].into(), stddev: [f64::INFINITY; 3].into() };
-    for (axis, found) in sensor.noise_fit.iter().enumerate() {
+    for (axis, found) in sensor.noise.iter().enumerate() {
         if let Some([value, stddev]) = found.as_ref().and_then(&pick) {
             (all.value[axis], all.stddev[axis]) = (value, stddev);
         }
@@ -90,13 +90,13 @@ fn of_noise(sensor: &SensorCalibration, pick: impl Fn(&NoiseFit) -> Option<[f64;
 /// White noise density per axis.
 #[must_use]
 pub fn white(sensor: &SensorCalibration) -> PerAxis {
-    of_noise(sensor, |fit| Some([fit.densities.white, fit.white_stddev]))
+    of_noise(sensor, |fit| Some([fit.white, fit.white_stddev]))
 }
 
 /// Random walk of the bias per axis, where it rises out of the white noise.
 #[must_use]
 pub fn walk(sensor: &SensorCalibration) -> PerAxis {
-    of_noise(sensor, |fit| fit.densities.walk_seen.then_some([fit.densities.walk, fit.walk_stddev]))
+    of_noise(sensor, |fit| fit.walk_seen.then_some([fit.walk, fit.walk_stddev]))
 }
 
 /// Bias instability per axis, where averaging longer does not help any more: the lowest Allan deviation.

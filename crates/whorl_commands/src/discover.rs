@@ -73,17 +73,23 @@ pub fn answer(found: &Discovery) -> Vec<String> {
             best.equation
         )),
         _ => {
+            let others: Vec<_> = found.laws.iter().skip(1).filter(|law| law.probability > 0.05).collect();
+            let is_alone = others.iter().all(|law| law.equation.is_empty());
+            let many = if is_alone { "One law explains the data, and is likely, not sure" } else { "Several laws explain the data about as well. The likeliest" };
             sentences.push(format!(
-                "Several laws explain the data about as well. The likeliest ({}{}): {} Equation: torque = {}.",
+                "{many} ({}{}): {} Equation: torque = {}.",
                 percent(best),
                 held(best),
                 best.sentence,
                 best.equation
             ));
-            let others = found.laws.iter().skip(1).filter(|law| law.probability > 0.05);
-            let others: Vec<String> = others.map(|law| format!("{} ({})", law.equation, percent(law))).collect();
+            // What has no equation is that there is no law.
+            let named = |equation: &str| if equation.is_empty() { "no law, but a slow random torque" } else { equation }.to_owned();
+            let others: Vec<String> =
+                others.iter().map(|law| format!("{} ({})", named(&law.equation), percent(law))).collect();
             if !others.is_empty() {
-                sentences.push(format!("Also possible: {}. A run with other rates or attitudes would tell.", others.join("; ")));
+                let run = if is_alone { "A longer run" } else { "A run with other rates or attitudes" };
+                sentences.push(format!("Also possible: {}. {run} would tell.", others.join("; ")));
             }
         }
     }

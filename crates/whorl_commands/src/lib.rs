@@ -8,6 +8,7 @@
 //! | [`new_rig`] | the platform's file and the map of channels of a file that comes with neither |
 //! | [`compare`], [`locate`], [`diagnose`], [`adopt`] | answers of [`whorl_explain`] as JSON |
 //! | [`next`] | the manoeuvre that a diagnosis recommends, rehearsed in simulation |
+//! | [`pointing`] | what a new model is worth in control, in simulation |
 //! | [`discover`] | whether a law is to be searched for, with which competitors, and the answer in words |
 //! | [`history`], [`calibrate`], [`identify`] | how a model came to be and what changed since; errors of the sensors; mass properties |
 //! | [`estimate`], [`attitudes`] | the attitude of a recorded sensor or vehicle |
@@ -34,6 +35,7 @@ pub mod new_rig;
 pub mod next;
 pub mod own_times;
 pub mod page;
+pub mod pointing;
 pub mod provenance;
 mod rehearsal;
 pub mod report;

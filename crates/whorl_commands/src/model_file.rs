@@ -46,10 +46,7 @@ pub fn undo_step(file: &Path, platform: Option<&str>) -> anyhow::Result<ModelSte
     };
     let number = step.number;
     let kept = kept_file(file, number);
-    let text = whorl_files::read_text(&kept).with_context(|| {
-        format!("the text of {name} before step {number} is not kept in {}", kept.display())
-    })?;
-    let (head, before) = text.split_once('\n').unwrap_or((&text, ""));
+    let (head, before) = text_before(file, number)?;
     let now = whorl_files::read_text(file).with_context(|| format!("cannot read {name}"))?;
     if !head.ends_with(&hash(&now)) {
         bail!(
@@ -58,9 +55,22 @@ pub fn undo_step(file: &Path, platform: Option<&str>) -> anyhow::Result<ModelSte
             kept.display()
         );
     }
-    whorl_files::write_file(file, before).with_context(|| format!("cannot write {name}"))?;
+    whorl_files::write_file(file, &before).with_context(|| format!("cannot write {name}"))?;
     std::fs::remove_file(&kept).with_context(|| format!("cannot remove {}", kept.display()))?;
     Ok(step)
+}
+
+/// What is kept of a model's file before a step: a line on the step, and the text.
+///
+/// # Errors
+/// When it is not kept.
+pub fn text_before(file: &Path, number: u32) -> anyhow::Result<(String, String)> {
+    let kept = kept_file(file, number);
+    let text = whorl_files::read_text(&kept).with_context(|| {
+        format!("the text of {} before step {number} is not kept in {}", file.display(), kept.display())
+    })?;
+    let (head, before) = text.split_once('\n').unwrap_or((&text, ""));
+    Ok((head.to_owned(), before.to_owned()))
 }
 
 /// `params/history/whorl_1_before_step_3.yaml` of `params/whorl_1.yaml`.

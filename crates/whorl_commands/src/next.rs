@@ -7,7 +7,7 @@ use whorl_explain::{ProgressCallback, Proposal, propose};
 use whorl_identification::{Diagnosis, NextManoeuvre, Options, Verdict};
 use whorl_recording::KnownPlatform;
 
-use crate::rehearsal::Stage;
+use crate::rehearsal::{Stage, own_text};
 use crate::runs::Runs;
 
 /// What `whorl diagnose` recommends as the next run: the best manoeuvre, if several explanations remain or the data
@@ -49,7 +49,7 @@ pub fn proposal(
     let (case, known) = (runs.case(), &runs.known);
     say(0.0, "fitting the leading explanation");
     let truth = leading_explanation(&case, diagnosis, options);
-    let stage = Stage::new(known, common, &truth)?;
+    let stage = Stage::new(known, &own_text(known)?, common, &truth)?;
     let rehearse = |name: &str, yaml: &str| {
         stage.rehearse(name, yaml, &known.model).map_err(|error| crate::in_words(&error))
     };

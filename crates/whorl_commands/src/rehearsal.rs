@@ -32,8 +32,13 @@ impl Drop for Stage {
 }
 
 impl Stage {
-    /// `common` is the parameter file that all nodes share.
-    pub fn new(known: &KnownPlatform, common: &Path, truth: &PlatformModel) -> anyhow::Result<Self> {
+    /// `own` is the text of the platform's parameter file, `common` the file that all nodes share.
+    pub fn new(
+        known: &KnownPlatform,
+        own: &str,
+        common: &Path,
+        truth: &PlatformModel,
+    ) -> anyhow::Result<Self> {
         // Several diagnoses of one process may rehearse at the same time.
         let folder = new_folder()?;
         let stage = Self { folder: folder.clone(), platform: known.platform.clone() };
@@ -41,11 +46,10 @@ impl Stage {
             let path = folder.join(part);
             std::fs::create_dir_all(&path).with_context(|| format!("cannot create {}", path.display()))?;
         }
-        let copy = |from: &Path, name: String| {
-            std::fs::copy(from, folder.join(name)).with_context(|| format!("cannot read {}", from.display()))
-        };
-        copy(common, "common.yaml".to_owned())?;
-        copy(&own_file(known)?, format!("{}.yaml", known.platform))?;
+        std::fs::copy(common, folder.join("common.yaml"))
+            .with_context(|| format!("cannot read {}", common.display()))?;
+        let copy = folder.join(format!("{}.yaml", known.platform));
+        whorl_files::write_file(&copy, own).with_context(|| format!("cannot write {}", copy.display()))?;
         let mut text = format!(
             "/{}/driver:\n  ros__parameters:\n    truth:\n      simulated_for_design.placeholder: 0.0\n",
             known.platform
@@ -70,13 +74,19 @@ impl Stage {
         Ok(stage)
     }
 
-    /// Simulates an experiment and reads its measurements.
-    pub fn rehearse(&self, name: &str, yaml: &str, model: &PlatformModel) -> anyhow::Result<Recording> {
+    /// Simulates an experiment; its run, which goes with the stage.
+    pub fn simulated(&self, name: &str, yaml: &str) -> anyhow::Result<PathBuf> {
         let experiment = self.folder.join("experiments").join(format!("{name}.yaml"));
         whorl_files::write_file(&experiment, yaml)
             .with_context(|| format!("cannot write {}", experiment.display()))?;
         let run = self.folder.join(format!("run_{name}"));
         simulate::record_quietly(&experiment, Some(&self.folder), &run, 1)?;
+        Ok(run)
+    }
+
+    /// Simulates an experiment and reads its measurements.
+    pub fn rehearse(&self, name: &str, yaml: &str, model: &PlatformModel) -> anyhow::Result<Recording> {
+        let run = self.simulated(name, yaml)?;
         let options = ReadOptions { platform: Some(&self.platform), model: Some(model), channels: None };
         let recording = read_run_with(&run, &options)?.into_iter().next().context("nothing was measured")?;
         // Makes room for the next run.
@@ -85,15 +95,16 @@ impl Stage {
     }
 }
 
-/// The platform's own parameter file.
-fn own_file(known: &KnownPlatform) -> anyhow::Result<PathBuf> {
+/// The text of the platform's own parameter file.
+pub fn own_text(known: &KnownPlatform) -> anyhow::Result<String> {
     let name = format!("{}.yaml", known.platform);
     let in_folder = |file: &Path, folder: &str| file.parent().is_some_and(|p| p.ends_with(folder));
     let named = known
         .files
         .iter()
         .find(|f| f.file_name().is_some_and(|n| n == name.as_str()) && !in_folder(f, "truth"));
-    named.or(known.files.last()).cloned().context("there is no parameter file of the platform")
+    let file = named.or(known.files.last()).context("there is no parameter file of the platform")?;
+    whorl_files::read_text(file).with_context(|| format!("cannot read {}", file.display()))
 }
 
 /// A value in the notation of a parameter file.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use whorl_bag::CsvMap;
 use whorl_explain::Case;
+use whorl_identification::usable_readings;
 use whorl_math::words::shell_word;
 use whorl_objects::{is_remote, local};
 use whorl_recording::{
@@ -240,6 +241,13 @@ impl Runs {
             model: &self.known.model,
             prior: &self.known.prior,
         }
+    }
+
+    /// Sentences about readings that fits leave out.
+    #[must_use]
+    pub fn left_out(&self) -> Vec<String> {
+        let runs = self.training.iter().chain(&self.held_out);
+        runs.flat_map(|run| usable_readings(run, &self.known.model).1).collect()
     }
 
     /// Sentences about gaps in the runs.

@@ -14,6 +14,7 @@ use crate::prepared::Prepared;
 use crate::readings::Cursor;
 use crate::rows::{Readings, Seen};
 use crate::start::Start;
+use crate::stop::obey;
 
 thread_local! {
     static INSTANTS: Cell<u64> = const { Cell::new(0) };
@@ -197,6 +198,7 @@ impl<'a> Mean<'a> {
     /// Finds what is taken in at the present instant.
     pub fn find_due(&mut self, instant_ns: i64) {
         INSTANTS.set(INSTANTS.get() + 1);
+        obey();
         if self.collected.is_empty() {
             self.find_due_now(instant_ns);
             return;

@@ -78,6 +78,7 @@ mod settings;
 mod since;
 mod smoothed;
 mod start;
+mod stop;
 mod sums;
 #[cfg(test)]
 mod tests;
@@ -107,3 +108,4 @@ pub use sensitivities::sensitivities;
 pub use settings::{CELL_S, Setting, Settings};
 pub use smoothed::{SmoothedState, smoothed};
 pub use start::Start;
+pub use stop::Stop;

@@ -140,7 +140,7 @@ export function render(state, answers) {
   put(place, h("div", { className: "columns" },
     h("div", {},
       h("div", { className: "dropzone" }, h("p", {}, "Drop a CSV file or a bag here, or ", h("button", { type: "button", onclick: () => input.click() }, "choose files"), input), h("p", { className: "caption" }, `They are put into ${state.folder}, and stay on this computer.`)),
-      recordings.length ? null : h("p", {}, h("button", { type: "button", id: "example", onclick: () => attempt(() => call("example")) }, "Try it with an example"), " a simulated pendulum, whose model lacks a friction"),
+      recordings.length ? null : h("p", {}, h("button", { type: "button", id: "example", onclick: () => attempt(() => call("example")) }, "Try it with an example"), " a real rig: the pendulum of a robotics laboratory, swung up by its motor, and a model without friction"),
       recordings.length ? h("table", { className: "files" }, h("caption", {}, "Recordings of the folder"), h("tr", {}, h("th", {}, "recording"), h("th", { className: "n" }, "size"), h("th", {}, "use")), rows) : null),
     h("div", {},
       state.problem && h("p", { className: "problem", id: "problem" }, state.problem),
@@ -148,7 +148,7 @@ export function render(state, answers) {
       state.platforms.length ? h("label", { className: "row" }, "Platform", h("select", { onchange: (e) => choose(state, { platform: e.target.value || null }) }, h("option", { value: "" }, "choose"), state.platforms.map((name) => h("option", {}, name)))) : null,
       picker(state, "model", "model", "Platform's file", "that of the run"),
       picker(state, "map", "channels", "Map of columns", "none"),
-      first && (lacks || !state.model) ? importer(state, first) : first && h("details", {}, h("summary", {}, "Make platform and map anew"), importer(state, first)))),
+      state.platforms.length ? null : first && (lacks || !state.model) ? importer(state, first) : first && h("details", {}, h("summary", {}, "Make platform and map anew"), importer(state, first)))),
     columns,
   imported && made(imported));
 }

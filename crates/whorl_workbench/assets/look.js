@@ -8,7 +8,7 @@ const place = document.querySelector("#look .body");
 const HEIGHT = 150;
 // Numbers of a signal that are asked for: an hour at 100 Hz, whole.
 const MOST = 400_000;
-const MARKS = { gap: "--soft", held: "--c5", clipped: "--bad", rest: "--c2" };
+const MARKS = { gap: "--soft", held: "--c5", left_out: "--bad", rest: "--c2" };
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 let data = null;
@@ -74,7 +74,7 @@ function draw(all, run, state) {
       data.is_mapped && h("span", { id: "stretch", className: "row", hidden: true }, "this stretch is", h("button", { type: "button", onclick: () => use(false) }, "for training"), h("button", { type: "button", onclick: () => use(true) }, "held out")),
       !data.is_mapped && h("span", { className: "origin", dataset: { is: "assumed" } }, "columns as they are in the file: units and axes are not known yet")),
     h("div", { className: "tools", role: "group", "aria-label": "Channels" }, boxes),
-    h("p", { className: "key" }, "Drag: zoom. Shift and drag: pan. Ctrl and wheel: zoom. Double click: all. Keys: arrows, +, -, Home. ", kinds.map((kind) => h("span", {}, h("i", { className: kind }), { gap: "gap", held: "held: no new reading", clipped: "at the end of its range", rest: "at rest" }[kind]))),
+    h("p", { className: "key" }, "Drag: zoom. Shift and drag: pan. Ctrl and wheel: zoom. Double click: all. Keys: arrows, +, -, Home. ", kinds.map((kind) => h("span", {}, h("i", { className: kind }), { gap: "gap", held: "held: no new reading", left_out: "left out of fits: at the end of its range, or far from its neighbours", rest: "at rest" }[kind]))),
     laneBox,
     h("form", { className: "tools", onsubmit: add }, h("label", {}, "Derived signal", expression), h("button", { type: "submit" }, "Draw it"), own.length ? h("button", { type: "button", onclick: () => { own = []; address.set({ more: null }); draw(all, run, state); } }, "Remove derived") : null, refused),
     analysis(),
@@ -100,7 +100,7 @@ function lane(box, name, list) {
   const u = new uPlot({
     width: Math.max(200, plot.clientWidth), height: HEIGHT + (list.length > 4 ? 20 : 0), padding: [6, 8, 0, 0],
     scales: { x: { time: false }, y: { range: (_, low, high) => (low === null ? [0, 1] : uPlot.rangeNum(low, high, 0.08, true)) } },
-    series: [{ label: "time [s]", value: (_, v) => digits(v, 6) }, ...list.map((signal, k) => ({ label: signal.name, stroke: () => css(`--c${colours[k]}`), width: 1.2, dash: signal.dashed ? [5, 3] : undefined, points: { show: false }, spanGaps: true, paths: signal.holds && signal.group !== "jets" ? uPlot.paths.stepped({ align: 1 }) : undefined, value: (_, v) => digits(v, 4) }))],
+    series: [{ label: "time [s]", value: (_, v) => digits(v, 6) }, ...list.map((signal, k) => ({ label: signal.name, stroke: () => css(`--c${colours[k]}`), width: devicePixelRatio > 1 ? 1.2 : 1, dash: signal.dashed ? [5, 3] : undefined, points: { show: false }, spanGaps: true, paths: signal.holds && signal.group !== "jets" ? uPlot.paths.stepped({ align: 1 }) : undefined, value: (_, v) => digits(v, 4) }))],
     axes: [axis({ size: 28 }), axis({ size: 58 })],
     legend: { markers: { width: 2, stroke: (_, i) => (i ? css(`--c${colours[i - 1]}`) : "transparent"), fill: (_, i) => (i ? css(`--c${colours[i - 1]}`) : "transparent") } },
     cursor: { sync: { key: "look", setSeries: false }, y: false, drag: { x: true, y: false, setScale: false, dist: 4 }, points: { size: 5 } },
@@ -174,11 +174,13 @@ function refresh(all = false) {
     one.is_late = !all && (bottom < -200 || top > innerHeight + 200);
     if (one.is_late) continue;
     const columns = Math.max(100, Math.round(u.bbox.width / devicePixelRatio) || 600);
-    const tables = [];
-    const shared = list.every((signal) => signal.t === list[0].t);
-    for (const signal of list) tables.push(signals.thin(signal, from, to, columns));
-    const joined = shared && tables.every((table) => table[0].length === tables[0][0].length && table[0].length <= 2 * columns && list[0].t.length <= 2 * columns) ? [tables[0][0], ...tables.map((table) => table[1])] : tables.length > 1 ? uPlot.join(tables) : tables[0];
-    u.batch(() => { u.setData(joined, false); u.setScale("x", { min: from, max: to }); u.setScale("y", extent(tables)); });
+    const of = new Map();
+    for (const signal of list) of.set(signal.t, [...(of.get(signal.t) || []), signal]);
+    const tables = [...of.values()].map((those) => signals.thin(those, from, to, columns));
+    const order = [...of.values()].flat();
+    const joined = tables.length > 1 ? uPlot.join(tables) : tables[0];
+    const table = [joined[0], ...list.map((signal) => joined[1 + order.indexOf(signal)])];
+    u.batch(() => { u.setData(table, false); u.setScale("x", { min: from, max: to }); u.setScale("y", extent(tables)); });
   }
   const said = document.getElementById("span");
   if (said) said.textContent = `${digits(from, 6)} to ${digits(to, 6)} s`;
@@ -190,7 +192,7 @@ function refresh(all = false) {
 
 function extent(tables) {
   let [low, high] = [Infinity, -Infinity];
-  for (const [, y] of tables) for (const v of y) if (v !== null) { if (v < low) low = v; if (v > high) high = v; }
+  for (const [, ...all] of tables) for (const y of all) for (const v of y) if (v !== null) { if (v < low) low = v; if (v > high) high = v; }
   if (!(low <= high)) return { min: 0, max: 1 };
   const pad = 0.06 * (high - low) || Math.abs(high) * 0.1 || 1;
   return { min: low - pad, max: high + pad };
@@ -220,7 +222,7 @@ function analysis() {
     const curve = (n, points, c = 0) => ({ n, c, x: points.x, y: points.y });
     if (kind.value === "xy") {
       if (!other) { said.textContent = "Choose what it is drawn against."; return; }
-      const [t] = signals.thin(signal, from, to, 4000);
+      const [t] = signals.thin([signal], from, to, 4000);
       const points = t.map((time) => [signals.at(other, time), signals.at(signal, time)]).filter(([a, b]) => Number.isFinite(a) && Number.isFinite(b)).sort((a, b) => a[0] - b[0]);
       spec.xlabel = `${other.name} [${other.unit}]`;
       spec.curves = [curve(signal.name, { x: points.map((p) => p[0]), y: points.map((p) => p[1]) })];

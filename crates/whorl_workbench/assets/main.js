@@ -5,7 +5,7 @@ import * as data from "/assets/data.js";
 import * as look from "/assets/look.js";
 import * as path from "/assets/path.js";
 import * as platform from "/assets/platform.js";
-import { tour } from "/assets/tour.js";
+import { follow as guide, tour } from "/assets/tour.js";
 
 const $ = (id) => document.getElementById(id);
 let state = null;
@@ -20,12 +20,14 @@ function tell(words, kind = "failed") {
   drawNotices();
 }
 
+// How the command says that it can be told to.
+const ANYWAY = "; --anyway overrides this";
 const leaving = new Set();
 function drawNotices() {
   // What went well needs no answer.
   for (const notice of state?.notices || []) if (notice.kind === "done" && !leaving.has(notice.number)) { leaving.add(notice.number); setTimeout(() => { dismissed.add(notice.number); drawNotices(); }, 15_000); }
   const all = [...(state?.notices || []), ...ownNotices].filter((notice) => !dismissed.has(notice.number));
-  $("notices").replaceChildren(...all.slice(-4).map((notice) => h("div", { className: "notice", dataset: { is: notice.kind, what: notice.what || "" } }, h("span", {}, notice.text),
+  $("notices").replaceChildren(...all.slice(-4).map((notice) => h("div", { className: "notice", dataset: { is: notice.kind, what: notice.what || "" } }, h("span", {}, notice.text.replace(ANYWAY, ".")), notice.text.includes(ANYWAY) && path.anyway() ? h("button", { type: "button", className: "anyway", onclick: () => { dismissed.add(notice.number); path.anyway()(); drawNotices(); } }, "Adopt it anyway") : null,
     h("button", { type: "button", className: "plain", "aria-label": `Dismiss: ${notice.text}`, onclick: () => { dismissed.add(notice.number); drawNotices(); } }, "×"))));
 }
 
@@ -78,6 +80,7 @@ function changed(next) {
     await look.render(now);
     await platform.render(now);
     if (!document.body.dataset.drawn) arrive();
+    guide();
     document.body.dataset.drawn = now.version;
   }).catch((error) => tell(`the page could not draw this: ${error.message}`));
 }
@@ -103,7 +106,7 @@ $("export").addEventListener("click", () => data.attempt(async () => {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
   document.body.dataset.exported = page.length;
 }));
-$("tour").addEventListener("click", () => tour(() => state));
+$("tour").addEventListener("click", () => tour(() => answers));
 data.start(tell);
 path.start();
 document.addEventListener("click", (e) => { const step = e.target.closest?.("a.step"); if (step) { e.preventDefault(); show(step.dataset.to); } });

@@ -37,6 +37,12 @@ class Reader {
     const base = this.unit();
     return this.take("^") ? m("msup", base, this.power()) : base;
   }
+  // What stands in brackets behind a number: its unit, upright.
+  unitOf() {
+    let text = "";
+    while (this.peek() !== undefined && !this.take("]")) { const word = this.list[this.at++]; text += /\w$/.test(text) && /^\w/.test(word) ? ` ${word}` : word; }
+    return text;
+  }
   unit() {
     const word = this.list[this.at++];
     if (word === undefined) throw new Error("ends early");
@@ -53,7 +59,7 @@ class Reader {
       if (!this.take("|")) throw new Error("not closed");
       return m("mrow", m("mo", "|"), inside, m("mo", "|"));
     }
-    if (/^\d/.test(word)) return m("mn", word);
+    if (/^\d/.test(word)) return this.take("[") ? m("mrow", m("mn", word), m("mtext", `\u2009${this.unitOf()}`)) : m("mn", word);
     if (!/^[A-Za-zα-ωΑ-Ω]/.test(word)) throw new Error(word);
     if (this.peek() === "(") {
       this.at++;
@@ -71,6 +77,10 @@ class Reader {
 export function equation(text) {
   const place = document.createElement("div");
   place.className = "equation";
+  // A long one scrolls, also by the keyboard.
+  place.tabIndex = 0;
+  place.setAttribute("role", "group");
+  place.setAttribute("aria-label", "Equation");
   try {
     const reader = new Reader(text);
     const all = reader.sum();

@@ -5,7 +5,10 @@ import { attempt } from "/assets/data.js";
 import { equation } from "/assets/mathml.js";
 
 const body = (id) => document.querySelector(`#${id} .body`);
-const ask = (what, more = {}) => attempt(() => call("ask", { what, ...more }));
+const ask = (what, more = {}) => { if (what === "adopt") wanted = more; return attempt(() => call("ask", { what, ...more })); };
+// What was to be adopted last, and is adopted against an objection if a person says so.
+let wanted = null;
+export const anyway = () => wanted && !wanted.anyway && (() => ask("adopt", { ...wanted, anyway: true }));
 const percent = (share) => `${digits(100 * share, 3)} %`;
 // Errors up to here are noise: as in the command's own words.
 const EXPLAINED = 1.1;
@@ -69,7 +72,7 @@ function scale(value) {
   const at = (x) => `${(100 * x) / most}%`;
   return h("div", { className: "scale", role: "img", "aria-label": `The error is ${times(value)} times what noise alone makes` },
     h("i", { className: "fill", style: { width: at(value) } }), h("i", { className: "noise", style: { width: at(Math.min(1, value)) } }),
-    h("i", { style: { left: at(1) } }), h("span", { style: { left: at(1) } }, "1: noise alone"), value > 1.6 ? h("span", { style: { left: at(value) } }, times(value)) : null);
+    h("i", { style: { left: at(1) } }), h("span", { style: { left: `max(2.6rem, ${at(1)})` } }, "1: noise alone"), value > 1.6 ? h("span", { style: { left: at(value) } }, times(value)) : null);
 }
 
 function number(value, words) {
@@ -93,8 +96,9 @@ function compared(state, answers) {
   const others = answer.figures.filter((figure) => !curves.includes(figure));
   put(body("compare"), top,
     error !== null && h("div", { className: "headline", id: "headline" }, number(error, json.held_out_prediction_error !== null ? "times the noise, on data that took no part" : "times what noise alone would make"), json.held_out_prediction_error !== null && json.prediction_error !== null ? h("span", { className: "soft" }, `training: ${times(json.prediction_error)}`) : null),
-    error !== null && scale(error), sentences(answer.sentences), overlays(state, answer, curves),
+    error !== null && scale(error), sentences(answer.sentences.slice(0, json.runs.length)), overlays(state, answer, curves),
     figures(curves.slice(0, 3), { wide: 1 }),
+    answer.sentences.length > json.runs.length && h("details", {}, h("summary", {}, "What the errors have in common"), sentences(["", ...answer.sentences.slice(json.runs.length)]).slice(1)),
     h("details", {}, h("summary", {}, "Errors by channel and horizon"), h("div", { className: "wide", tabIndex: 0 }, h("table", { className: "heat" }, h("caption", {}, "Errors over the deviation that the model predicts for them: 1 is as good as the model says"),
       h("tr", {}, h("th", {}, "run"), h("th", {}, "channel"), horizons.map((s) => h("th", { className: "n" }, s === null ? "run" : `${digits(s)} s`))),
       channels.map(({ run, channel }) => h("tr", {}, h("td", {}, run.run), h("td", {}, channel.name), channel.horizons.map((h_) => h("td", { className: `n ${h_.ratio <= EXPLAINED ? "good" : "bad"}` }, digits(h_.ratio)))))))),
@@ -144,7 +148,7 @@ const VERDICT = { named: "The model lacks", confounded: "The model lacks this, o
 function card(state, answer) {
   const { json } = answer;
   const first = json.effects.map((id) => effects.get(id)).filter(Boolean);
-  const sure = json.explanations.find((e) => JSON.stringify(e.effects) === JSON.stringify(json.effects) && !e.with_unknown);
+  const sure = json.explanations.find((e) => JSON.stringify(e.effects) === JSON.stringify(json.effects) && e.with_unknown === (json.verdict === "unknown"));
   const [before, after] = [json.versions.filter((v) => !v.effects.length).at(-1), json.versions.find((v) => v.effects.length)];
   const others = json.explanations.filter((e) => e !== sure && e.probability > 0.005).slice(0, 5);
   const parameters = json.effects.flatMap((id) => json.candidates.find((c) => c.effect === id)?.parameters || []);
@@ -193,7 +197,7 @@ function laws(state, answer) {
   return h("article", { className: "card", id: "law", dataset: { is: "unknown" } }, h("p", { className: "soft", style: { margin: 0 } }, "A law of no name"), sentences(answer.sentences),
     (found?.laws || []).filter((law) => law.equation && law.probability > 0.02).slice(0, 3).map((law) => h("div", {}, equation(`torque = ${law.equation}`), h("p", { className: "caption" }, `${percent(law.probability)}. ${law.parameters.map((p) => `${p.name} = ${digits(p.value)} ${p.unit}`).join(", ")}`))),
     figures(answer.figures),
-    answer.json.written ? h("div", { className: "row" }, h("button", { type: "button", className: "main", onclick: () => ask("adopt", { effects: [answer.json.written], anyway: false }) }, `Adopt it as an effect (${answer.json.written})`)) : null,
+    answer.json.written ? h("div", { className: "row" }, h("button", { type: "button", className: "main", id: "adopt_law", onclick: () => ask("adopt", { effects: [answer.json.written], anyway: false }) }, `Adopt it as an effect (${answer.json.written})`)) : null,
     changes(answer.changes), command(answer.command));
 }
 
@@ -204,12 +208,13 @@ function adopted(state, answers) {
   const can = state.model?.steps > 0 && state.choice.model;
   const undo = can ? h("button", { type: "button", id: "undo", onclick: () => attempt(() => call("undo")) }, `Undo step ${state.model.steps}`) : null;
   if (!answer || (there.is_stale && !can)) return put(body("adopt"), h("p", { className: "caption" }, "Adopting an effect writes it into the platform's file, with its uncertainty and where it is from. It can be taken back to the letter."), undo);
-  const { versions } = answer.json;
+  const { versions, pointing } = answer.json;
   const kinds = [["held_out_prediction_error", "held out"], ["prediction_error", "training"]].filter(([key]) => versions[0][key] !== null);
   const [first, lastOne] = [versions[0], versions[versions.length - 1]];
   put(body("adopt"), h("div", { className: "row" }, undo, there.is_stale ? h("span", { className: "stale" }, "Files or choice have changed since.") : null),
     h("div", { className: "headline" }, h("div", { className: "number" }, `${times(judging(first))} → `, h("span", { className: judging(lastOne) <= EXPLAINED ? "number good" : "number bad" }, times(judging(lastOne))), " ", h("small", {}, "times the noise")), h("span", { className: "soft" }, named(lastOne.effects))),
     kinds.map(([key, words]) => bars(versions.map((v, k) => ({ name: `${v.name}, ${words}`, value: v[key], said: times(v[key]), className: k === versions.length - 1 ? "after" : "before" })))),
+    pointing && [h("h3", {}, "Pointing error of a simulated experiment"), h("div", { id: "pointing" }, bars([["old model in the controller", pointing.before_rad, "before"], ["new model in the controller", pointing.after_rad, "after"]].map(([name, value, className]) => ({ name, value, className, said: `${digits((180 / Math.PI) * value)} deg` }))))],
     sentences(answer.sentences), figures(answer.figures), changes(answer.changes),
     h("details", {}, h("summary", {}, "Parameters before and after"), h("div", { className: "wide", tabIndex: 0 }, h("table", {}, h("tr", {}, ["of", "parameter", "unit"].map((w) => h("th", {}, w)), ["before", "after", "±"].map((w) => h("th", { className: "n" }, w))),
       lastOne.parameters.map((p) => h("tr", {}, h("td", {}, p.of), h("td", {}, p.name), h("td", {}, p.unit), h("td", { className: "n" }, digits(p.before)), h("td", { className: "n" }, digits(p.estimate)), h("td", { className: "n" }, digits(p.stddev, 2))))))),

@@ -44,10 +44,10 @@ function form(state, platform) {
     return input;
   };
   const prior = (key) => key.replace(/^model\./, "model_prior.");
-  const rows = platform.parameters.map((p) => h("tr", { dataset: { key: p.key } }, h("td", { className: "code", title: p.origin }, p.key.replace(/^model\./, "")), h("td", {}, field(p.key, p.value, p.key)), h("td", {}, p.stddev !== null || /^[-\d[]/.test(p.value) && !p.key.includes("sensors") && !p.key.includes("freedom") ? field(prior(p.key), p.stddev || "", `standard deviation of ${p.key}`, "typical") : ""), h("td", { className: "soft" }, p.source || "")));
+  const rows = platform.parameters.map((p) => h("tr", { dataset: { key: p.key } }, h("td", { className: "code", title: p.origin }, p.key.replace(/^model\./, "")), h("td", {}, field(p.key, p.value, p.key)), h("td", {}, p.stddev !== null || /^[-\d[]/.test(p.value) && !p.key.includes("sensors") && !p.key.includes("freedom") ? field(prior(p.key), p.stddev || "", `standard deviation of ${p.key}`, "typical") : ""), h("td", { className: "soft", title: p.source || "" }, h("span", { className: "clamp" }, p.source || ""))));
   filter.addEventListener("input", () => rows.forEach((row) => (row.hidden = !row.dataset.key.includes(filter.value))));
   return h("div", {}, h("div", { className: "row" }, filter, h("span", { className: "caption" }, editable ? "Each change is written into the file, and is a step that can be taken back." : "The run has its own parameters: choose a platform's file to change them.")),
-    h("div", { className: "scroll", tabIndex: 0, role: "region", "aria-label": "Numbers of the platform" }, h("table", { className: "form" }, h("tr", {}, ["number", "value", "± prior", "from"].map((w) => h("th", {}, w))), rows)));
+    h("div", { className: "scroll", tabIndex: 0, role: "region", "aria-label": "Numbers of the platform" }, h("table", { className: "form numbers" }, h("tr", {}, ["number", "value", "± prior", "from"].map((w) => h("th", {}, w))), rows)));
 }
 
 function history(found) {

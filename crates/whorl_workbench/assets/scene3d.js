@@ -1,4 +1,4 @@
-// The platform in three dimensions, with three.js: axes of the body, principal axes, wheels, jets, a hinge, weight.
+// The platform in three dimensions, with three.js: axes of the body, principal axes, wheels, jets, sensors, a hinge, weight.
 import * as THREE from "/assets/three.js";
 import { h } from "/assets/parts.js";
 
@@ -13,12 +13,12 @@ export class Scene {
     const canvas = this.renderer.domElement;
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", `${platform.platform} in three dimensions: ${platform.arrows.map((arrow) => `${arrow.kind} ${arrow.name}`).join(", ") || "no actuators"}. Drag or arrow keys turn the view, plus and minus zoom.`);
+    canvas.setAttribute("aria-label", `${platform.platform} in three dimensions: ${[...new Set(platform.arrows.map((arrow) => (arrow.kind === "wheel" || arrow.kind === "jet" ? `${arrow.kind} ${arrow.name}` : arrow.name)))].join(", ")}. Drag or arrow keys turn the view, plus and minus zoom.`);
     place.append(canvas);
     this.labels = [];
     this.world = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(38, 1, 0.01, 100);
-    this.view = { azimuth: 0.7, elevation: 0.45, distance: 4.2 };
+    this.view = { azimuth: 0.7, elevation: 0.45, distance: 4.4 };
     this.build(platform);
     this.controls(canvas);
     this.observer = new ResizeObserver(() => this.draw());
@@ -41,6 +41,9 @@ export class Scene {
     this.place.append(element);
     this.labels.push({ element, at });
   }
+
+  // One label for what has several arrows.
+  once(text, at) { if (!this.labels.some((label) => label.element.textContent === text)) this.label(text, at); }
 
   arrow(from, to, colour, width = 0.012) {
     const along = to.clone().sub(from);
@@ -89,6 +92,19 @@ export class Scene {
         this.world.add(ring);
         this.arrow(at.clone(), at.clone().addScaledVector(along, 0.3), css("--c4"));
         this.label(arrow.name, at.clone().addScaledVector(along, 0.36));
+      } else if (arrow.kind === "gyro") {
+        const ring = new THREE.Mesh(new THREE.TorusGeometry(0.07, 0.012, 8, 32), new THREE.MeshLambertMaterial({ color: css("--c6") }));
+        ring.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), along);
+        ring.position.copy(along).multiplyScalar(0.82);
+        this.world.add(ring);
+        this.once(arrow.name, ring.position.clone().addScaledVector(along, 0.12));
+      } else if (arrow.kind === "accelerometer") {
+        const at = vector(arrow.at_m).multiplyScalar(0.95 / reach);
+        this.arrow(at.clone(), at.clone().addScaledVector(along, 0.16), css("--c7"), 0.009);
+        this.once(arrow.name, at.clone().add(new THREE.Vector3(0, 0, -0.09)));
+      } else if (arrow.kind === "vector") {
+        this.arrow(along.clone().multiplyScalar(1.3), along.clone().multiplyScalar(1.5), css("--c6"));
+        this.once(arrow.name, along.clone().multiplyScalar(1.58));
       } else {
         const at = vector(arrow.at_m || [0, 0, 0]).multiplyScalar(0.95 / reach);
         this.arrow(at.clone(), at.clone().addScaledVector(along, 0.28), css("--c3"));
@@ -131,7 +147,9 @@ export class Scene {
   draw() {
     const [width, height] = [this.place.clientWidth, this.place.clientHeight];
     if (!width || !height) return;
-    const { azimuth, elevation, distance } = this.view;
+    const { azimuth, elevation } = this.view;
+    // All of it is seen in a narrow place, too.
+    const distance = this.view.distance * Math.max(1, (1.6 * height) / width);
     this.renderer.setPixelRatio(devicePixelRatio);
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;

@@ -7,20 +7,37 @@ export function index(t, at) {
   return low;
 }
 
-// Smallest and largest value of each of `columns` stretches between two times, in the order in which they come.
-export function thin(signal, from, to, columns) {
-  const { t, v } = signal;
-  const begin = Math.max(0, index(t, from) - 1), end = Math.min(t.length, index(t, to) + 1);
-  if (end - begin <= 2 * columns) return [Array.from(t.subarray(begin, end)), Array.from(v.subarray(begin, end), (x) => (Number.isFinite(x) ? x : null))];
-  const stretch = Math.ceil((end - begin) / columns);
-  const [x, y] = [[], []];
-  for (let k = begin; k < end; k += stretch) {
-    let low = k, high = k;
-    const last = Math.min(end, k + stretch);
-    for (let i = k + 1; i < last; i++) { if (v[i] < v[low]) low = i; if (v[i] > v[high]) high = i; }
-    for (const i of low < high ? [low, high] : [high, low]) { x.push(t[i]); y.push(Number.isFinite(v[i]) ? v[i] : null); }
+// Smallest and largest value of each block of so many readings, in the order in which they come: made once, and kept as long as the readings.
+const made = new WeakMap();
+function blocks(v, size) {
+  if (!made.has(v)) made.set(v, new Map());
+  const sizes = made.get(v);
+  if (!sizes.has(size)) {
+    const pairs = new Float32Array(2 * Math.ceil(v.length / size));
+    for (let block = 0; 2 * block < pairs.length; block++) {
+      let low = -1, high = -1;
+      const end = Math.min(v.length, (block + 1) * size);
+      for (let i = block * size; i < end; i++) { if (Number.isNaN(v[i])) continue; if (low < 0 || v[i] < v[low]) low = i; if (high < 0 || v[i] > v[high]) high = i; }
+      [pairs[2 * block], pairs[2 * block + 1]] = low < 0 ? [NaN, NaN] : low < high ? [v[low], v[high]] : [v[high], v[low]];
+    }
+    sizes.set(size, pairs);
   }
-  return [x, y];
+  return sizes.get(size);
+}
+
+const shown = (v, begin, end) => Array.from(v.subarray(begin, end), (x) => (Number.isFinite(x) ? x : null));
+
+// Times and values of signals that share their times, thinned to at most `columns` blocks between two times. Blocks begin at the same readings
+// wherever a stretch begins, so that a picture that is moved does not flicker.
+export function thin(list, from, to, columns) {
+  const { t } = list[0];
+  const begin = Math.max(0, index(t, from) - 1), end = Math.min(t.length, index(t, to) + 1);
+  if (end - begin <= 2 * columns) return [Array.from(t.subarray(begin, end)), ...list.map(({ v }) => shown(v, begin, end))];
+  const size = 2 ** Math.ceil(Math.log2((end - begin) / columns));
+  const [first, last] = [Math.floor(begin / size), Math.ceil(end / size)];
+  const x = [];
+  for (let block = first; block < last; block++) x.push(t[block * size], t[Math.min(t.length - 1, block * size + size / 2)]);
+  return [x, ...list.map(({ v }) => shown(blocks(v, size), 2 * first, 2 * last))];
 }
 
 // The value at a time, between neighbours; of a command the last one.

@@ -2,6 +2,8 @@
 
 use whorl_report::assets::{PLOTS, STYLE, UPLOT, UPLOT_STYLE};
 
+use crate::api::Choice;
+
 /// The page.
 pub const PAGE: &str = include_str!("../assets/index.html");
 
@@ -29,12 +31,29 @@ const ALL: &[(&str, &str, &str)] = &[
     ("three.js", SCRIPT, include_str!("../assets/three/three.module.min.js")),
 ];
 
-/// Files with which the workbench can be tried: see their README. The recording comes last, when the others can be read.
-pub const EXAMPLE: [(&str, &[u8]); 3] = [
-    ("pendulum.yaml", include_bytes!("../assets/example/pendulum.yaml")),
-    ("pendulum.channels.yaml", include_bytes!("../assets/example/pendulum.channels.yaml")),
-    ("swing.csv.gz", include_bytes!("../assets/example/swing.csv.gz")),
+/// Files with which the workbench can be tried: see their README.
+pub const EXAMPLE: [(&str, &[u8]); 5] = [
+    (EXAMPLE_MODEL, include_bytes!("../assets/example/dfki_pendulum.yaml")),
+    (EXAMPLE_MAP, include_bytes!("../assets/example/dfki_pendulum.channels.yaml")),
+    (EXAMPLE_TRAINING, include_bytes!("../assets/example/swing_up_ddp.csv.gz")),
+    (EXAMPLE_HELD_OUT, include_bytes!("../assets/example/swing_up_collocation.csv.gz")),
+    ("dfki_pendulum_LICENSE.txt", include_bytes!("../assets/example/LICENSE")),
 ];
+const EXAMPLE_MODEL: &str = "dfki_pendulum.yaml";
+const EXAMPLE_MAP: &str = "dfki_pendulum.channels.yaml";
+const EXAMPLE_TRAINING: &str = "swing_up_ddp.csv.gz";
+const EXAMPLE_HELD_OUT: &str = "swing_up_collocation.csv.gz";
+
+/// What of them is for what.
+pub fn example_choice() -> Choice {
+    Choice {
+        runs: vec![EXAMPLE_TRAINING.to_owned()],
+        held_out: vec![EXAMPLE_HELD_OUT.to_owned()],
+        model: Some(EXAMPLE_MODEL.to_owned()),
+        channels: Some(EXAMPLE_MAP.to_owned()),
+        ..Choice::default()
+    }
+}
 
 /// One of them, by its name.
 pub fn find(name: &str) -> Option<(&'static str, &'static str)> {

@@ -5,10 +5,12 @@ use std::sync::Arc;
 
 use whorl_bag::{Channel, Form};
 use whorl_commands::runs::{RunSources, is_csv};
+use whorl_identification::usable_readings;
 use whorl_math::noise::{from_second_differences, typical_step_s};
 use whorl_recording::{KnownPlatform, Recording};
 
 use crate::api::{AskSeries, Mark, SeriesHead, SignalRow};
+use crate::marks::{gaps, held, left_out, rests};
 
 /// Lines of a CSV file without a map that are looked at: an hour at 100 Hz.
 const LOOKED_AT: usize = 360_000;
@@ -17,19 +19,6 @@ const MOST_SIGNALS: usize = 60;
 /// Largest number of numbers of a signal in an answer, and the least.
 const MOST: usize = 400_000;
 const LEAST: usize = 200;
-/// Usual intervals between readings beyond which one is a gap: as [`Recording::gaps`].
-const GAP_STEPS: f64 = 8.0;
-/// Readings in a row that are the same to the last digit in all components, of a sensor with noise: it did not measure.
-const HELD: usize = 10;
-/// Readings in a row at the largest or the smallest value of all: a range that was left.
-const CLIPPED: usize = 5;
-/// A stretch rests when nothing scatters by more than so many times its noise \[1\] ...
-const REST_TIMES: f64 = 1.5;
-/// ... over so long \[s\].
-const REST_S: f64 = 1.0;
-/// Marks of a kind that are listed.
-const MOST_MARKS: usize = 200;
-
 /// One signal.
 #[derive(Debug, Clone)]
 struct Signal {
@@ -121,6 +110,7 @@ impl Columns {
     fn of(recording: &Recording, known: &KnownPlatform) -> Self {
         let wheels: Vec<&str> = known.model.wheels().iter().map(|wheel| wheel.name.as_str()).collect();
         let (mut signals, mut marks) = (Vec::new(), Vec::new());
+        let (usable, of_readings) = usable_readings(recording, &known.model);
         for (channel, sensor, series) in recording.sampled() {
             let info = channel.info();
             let group = if channel.most_sensors() > 1 && sensor > 0 {
@@ -143,8 +133,13 @@ impl Columns {
             marks.extend(gaps(&time_s, &group));
             if info.is_motion {
                 marks.extend(held(&time_s, &values, &noise, &group));
-                marks.extend(clipped(&time_s, &values, &group));
             }
+            let used = match channel {
+                Channel::Gyro => Some(&usable.gyro_b_rad_s.time_s),
+                Channel::Accelerometer => Some(&usable.specific_force_b_m_s2.time_s),
+                _ => None,
+            };
+            marks.extend(used.into_iter().flat_map(|used| left_out(&time_s, used, &group)));
             if channel == Channel::Gyro {
                 marks.extend(rests(&time_s, &values, &noise));
             }
@@ -162,6 +157,7 @@ impl Columns {
         }
         signals.extend(jets(recording, known));
         let mut remarks = recording.remarks.clone();
+        remarks.extend(of_readings);
         remarks.extend(recording.suspicions(Some(&known.model)));
         remarks.extend(recording.missing_channels(&known.model));
         remarks.extend(recording.gaps());
@@ -295,85 +291,6 @@ fn thinned_values(values: &[f32], stretch: usize) -> Vec<f32> {
     values.chunks(stretch).flat_map(of).collect()
 }
 
-fn mark(kind: &str, group: &str, from_s: f64, to_s: f64) -> Mark {
-    Mark { kind: kind.to_owned(), group: group.to_owned(), from_s, to_s }
-}
-
-fn gaps(time_s: &[f64], group: &str) -> Vec<Mark> {
-    if time_s.len() < 3 {
-        return Vec::new();
-    }
-    let usual_s = typical_step_s(time_s);
-    let wide = time_s.windows(2).filter_map(|two| match two {
-        [a, b] if b - a > GAP_STEPS * usual_s => Some(mark("gap", group, *a, *b)),
-        _ => None,
-    });
-    wide.take(MOST_MARKS).collect()
-}
-
-/// Stretches of indices over which something holds, at least so many of them.
-fn stretches(count: usize, least: usize, holds: impl Fn(usize) -> bool) -> Vec<[usize; 2]> {
-    let (mut found, mut since) = (Vec::new(), None);
-    for k in 0..=count {
-        match (k < count && holds(k), since) {
-            (true, None) => since = Some(k),
-            (false, Some(start)) => {
-                if k - start >= least {
-                    found.push([start, k - 1]);
-                }
-                since = None;
-            }
-            _ => {}
-        }
-    }
-    found.truncate(MOST_MARKS);
-    found
-}
-
-/// Readings that repeat to the last digit, of sensors that have noise.
-fn held(time_s: &[f64], values: &[Vec<f64>], noise: &[Option<f64>], group: &str) -> Vec<Mark> {
-    if values.is_empty() || !noise.iter().any(Option::is_some) {
-        return Vec::new();
-    }
-    let repeats = |k: usize| k > 0 && values.iter().all(|v| v.get(k) == v.get(k - 1));
-    let at = |k: usize| time_s.get(k).copied().unwrap_or(0.0);
-    let found = stretches(time_s.len(), HELD, repeats);
-    found.into_iter().map(|[from, to]| mark("held", group, at(from.saturating_sub(1)), at(to))).collect()
-}
-
-/// Readings that stay at the end of a range.
-fn clipped(time_s: &[f64], values: &[Vec<f64>], group: &str) -> Vec<Mark> {
-    let at = |k: usize| time_s.get(k).copied().unwrap_or(0.0);
-    let of = |values: &Vec<f64>| {
-        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let is_end =
-            |k: usize| values.get(k).is_some_and(|v| (*v == low || *v == high) && low < high && *v != 0.0);
-        let found = stretches(time_s.len(), CLIPPED, is_end);
-        found.into_iter().map(|[from, to]| mark("clipped", group, at(from), at(to))).collect::<Vec<_>>()
-    };
-    values.iter().flat_map(of).take(MOST_MARKS).collect()
-}
-
-/// Stretches in which the gyro shows nothing but its noise.
-fn rests(time_s: &[f64], values: &[Vec<f64>], noise: &[Option<f64>]) -> Vec<Mark> {
-    let step_s = typical_step_s(time_s);
-    let length = (REST_S / step_s).round().max(4.0) as usize;
-    let windows = time_s.len() / length;
-    let is_quiet = |w: usize| {
-        values.iter().zip(noise).all(|(values, noise)| {
-            let part = values.get(w * length..(w + 1) * length).unwrap_or(&[]);
-            let mean = part.iter().sum::<f64>() / part.len() as f64;
-            let scatter = (part.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / part.len() as f64).sqrt();
-            scatter <= REST_TIMES * noise.unwrap_or(0.0)
-        })
-    };
-    let quiet: Vec<bool> = (0..windows).map(is_quiet).collect();
-    let at = |k: usize| time_s.get(k.min(time_s.len().saturating_sub(1))).copied().unwrap_or(0.0);
-    let found = stretches(windows, 1, |w| quiet.get(w) == Some(&true));
-    found.into_iter().map(|[from, to]| mark("rest", "", at(from * length), at((to + 1) * length))).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -425,33 +342,6 @@ mod tests {
         assert!(t[0] < 314.0 && t[1] >= 314.0 && *t.last().unwrap() > 314.3 && t.len() < 36, "{t:?}");
         assert!(v.contains(&9.0));
         assert_eq!(head["span_s"], serde_json::json!([0.0, 599.99]));
-    }
-
-    #[test]
-    fn stretches_are_told_by_what_is_wrong_with_them() {
-        // 100 Hz of noise (a regular sequence without pattern), a gap, a sensor that stands still, one at its range.
-        let noise = |k: usize| ((k * 7_919) % 101) as f64 / 101.0 - 0.5;
-        let time_s: Vec<f64> =
-            (0..1_000).map(|k| k as f64 * 0.01 + if k >= 500 { 2.0 } else { 0.0 }).collect();
-        let mut value: Vec<f64> = (0..1_000).map(noise).collect();
-        value[700..720].fill(0.123);
-        value[800..810].fill(9.0);
-        let found = gaps(&time_s, "gyro");
-        assert_eq!(found.len(), 1);
-        assert!((found[0].from_s - 4.99).abs() < 1e-9 && (found[0].to_s - 7.0).abs() < 1e-9);
-        let (values, deviation) = ([value.clone()], [from_second_differences(&value)]);
-        let spans: Vec<(f64, f64)> =
-            held(&time_s, &values, &deviation, "gyro").iter().map(|m| (m.from_s, m.to_s)).collect();
-        assert_eq!(spans, [(time_s[700], time_s[719])]);
-        let found = clipped(&time_s, &values, "gyro");
-        assert_eq!((found.len(), found[0].from_s, found[0].to_s), (1, time_s[800], time_s[809]));
-        // It rests, but for the second in which it does not.
-        let mut moving: Vec<f64> = (0..1_000).map(noise).collect();
-        moving.iter_mut().skip(300).take(100).enumerate().for_each(|(k, v)| *v += k as f64);
-        let regular: Vec<f64> = (0..1_000).map(|k| f64::from(k) * 0.01).collect();
-        let found = rests(&regular, &[moving.clone()], &[from_second_differences(&moving)]);
-        let spans: Vec<(f64, f64)> = found.iter().map(|m| (m.from_s, m.to_s)).collect();
-        assert_eq!(spans, [(0.0, 3.0), (4.0, 9.99)]);
     }
 
     #[test]

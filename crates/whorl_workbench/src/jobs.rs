@@ -7,9 +7,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use whorl_prediction::Stop;
+
 use crate::bench::Workbench;
 use crate::done::Outcome;
-use crate::stop::was_told;
 use crate::work;
 
 /// Time after which the thread looks whether it is still needed.
@@ -27,23 +29,27 @@ pub fn start(bench: &Arc<Workbench>) -> std::io::Result<()> {
 fn work_off(bench: &Weak<Workbench>) {
     while let Some(bench) = bench.upgrade() {
         let Some((number, ask, stop)) = bench.take(LOOK) else { continue };
-        let mut say = |share: f64, doing: &str| {
-            stop.obey();
-            bench.progress(number, share, doing);
+        let done = || {
+            let mut say = |share: f64, doing: &str| {
+                stop.obey();
+                bench.progress(number, share, doing);
+            };
+            work::carry_out(&bench, &ask, &mut say)
         };
-        let ended = catch_unwind(AssertUnwindSafe(|| {
-            let done = work::carry_out(&bench, &ask, &mut say);
-            stop.obey();
-            done
-        }));
-        let outcome = match ended {
+        let outcome = match catch_unwind(AssertUnwindSafe(|| pool(&stop)?.install(done))) {
             Ok(Ok(done)) => Outcome::Done(Box::new(done)),
             Ok(Err(error)) => Outcome::Failed(whorl_commands::in_words(&error)),
-            Err(cause) if was_told(cause.as_ref()) => Outcome::Stopped,
+            Err(cause) if Stop::was_told(cause.as_ref()) => Outcome::Stopped,
             Err(cause) => Outcome::Failed(defect(cause.as_ref())),
         };
         bench.ended(number, &ask, outcome);
     }
+}
+
+/// Threads of one job, each of which obeys its stop.
+fn pool(stop: &Stop) -> anyhow::Result<ThreadPool> {
+    let stop = stop.clone();
+    Ok(ThreadPoolBuilder::new().start_handler(move |_| stop.on_this_thread()).build()?)
 }
 
 fn defect(cause: &(dyn Any + Send)) -> String {

@@ -9,9 +9,9 @@
 //! | [`api`] | what page and program say to each other: types with one JSON schema |
 //! | `project` | the folder: which of its files are recordings, models, maps |
 //! | `bench` | the state, in one place, and the queue of what was asked |
-//! | `jobs`, `stop` | the thread that works the queue off, and how a job is stopped |
+//! | `jobs` | the thread that works the queue off, and how a job is stopped |
 //! | `work`, `done` | what a job does, and what comes of it |
-//! | `columns` | samples as the page draws them |
+//! | `columns`, `marks` | samples as the page draws them, and what is to be said of stretches |
 //! | `server` | the page, its assets, and the interface |
 //! | `export` | the whole path as one page for somebody else |
 
@@ -24,9 +24,9 @@ mod columns;
 mod done;
 mod export;
 mod jobs;
+mod marks;
 mod project;
 mod server;
-mod stop;
 mod work;
 
 use std::path::{Path, PathBuf};

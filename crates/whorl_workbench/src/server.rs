@@ -240,9 +240,10 @@ async fn example(State(server): Shared) -> Answered {
     apart(move || {
         for (name, content) in assets::EXAMPLE {
             put(&inside(bench.folder(), name)?, content)?;
-            bench.arrived(name);
         }
-        Ok(())
+        bench.look();
+        bench.choose(assets::example_choice())?;
+        bench.ask(Ask::Compare)
     })
     .await?;
     Ok(json(&server.bench.state()))

@@ -97,6 +97,7 @@ fn with(path: &Path, delimiter: u8, decimal_comma: bool, most_lines: usize) -> R
     let most_lines = most_lines.min(MOST_CELLS / look.columns.len().max(1));
     let mut record = ::csv::StringRecord::new();
     while look.lines < most_lines {
+        reader.get_mut().begin_record();
         match reader.read_record(&mut record) {
             Ok(false) => break,
             Ok(true) if record == header => {}
@@ -158,6 +159,16 @@ mod tests {
         let file = folder.path().join("table.csv");
         std::fs::write(&file, text).unwrap();
         look(&file, 1000).unwrap()
+    }
+
+    #[test]
+    fn long_tables_are_looked_at_to_their_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("table.csv");
+        // 5 MB: more than one record may have.
+        std::fs::write(&file, "t,a\n".to_owned() + &"0.123456789,1.23456789012345\n".repeat(180_000))
+            .unwrap();
+        assert_eq!(look(&file, 200_000).unwrap().lines, 180_000);
     }
 
     #[test]

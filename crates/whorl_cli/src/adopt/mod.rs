@@ -5,7 +5,7 @@ mod tables;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use whorl_commands::adopt::{as_json, write};
+use whorl_commands::adopt::{as_json, pointing, write};
 use whorl_commands::model_file::undo_step;
 use whorl_commands::options;
 use whorl_dynamics::effects::find;
@@ -113,10 +113,21 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     for (version, reason) in &adoption.left_out {
         say!("note: {version}: {reason}");
     }
+    for remark in runs.left_out() {
+        say!("note: {remark}");
+    }
     say!("\n{}", written?);
-    arguments
-        .output
-        .write_json(|| as_json(&runs.known.platform, &adoption.versions, &answer, &provenance))?;
+    let simulated = match (&arguments.out, arguments.try_.is_empty()) {
+        (Some(out), true) => {
+            let (pointing, said) = progress::during("simulating an experiment", || pointing(&runs, out));
+            say!("{said}");
+            pointing
+        }
+        _ => None,
+    };
+    arguments.output.write_json(|| {
+        as_json(&runs.known.platform, &adoption.versions, &answer, &provenance, simulated.as_ref())
+    })?;
     let mut facts = runs.facts.clone();
     facts.push(("command".to_owned(), format!("whorl {command}")));
     facts.push(("provenance".to_owned(), provenance));

@@ -10,10 +10,11 @@ use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use clap::Args;
+use whorl_commands::pointing::pointing_rms_rad;
 use whorl_identification::{Diagnosis, Verdict};
 use whorl_recording::read_model;
 
-use self::outcome::{Outcome, pointing_rms_rad, prediction};
+use self::outcome::{Outcome, prediction};
 use self::secret::Secret;
 use self::session::{Session, Stopped, copy_folder};
 use crate::output::tell;

@@ -3,10 +3,8 @@
 use std::path::Path;
 
 use anyhow::{Context, bail};
-use whorl_bag::RunDirectory;
 use whorl_explain::{Case, compare, prediction_error};
 use whorl_math::deg_from_rad;
-use whorl_msgs::topics::Message;
 use whorl_recording::{ReadOptions, read_model, read_run_with};
 
 use super::PLATFORM;
@@ -82,27 +80,4 @@ pub fn prediction(run: &Path, model: &Path) -> anyhow::Result<f64> {
     let case = Case { training: &runs, held_out: &[], model: &known.model, prior: &known.prior };
     prediction_error(&compare(&case, &mut |_, _| {})?, false)
         .with_context(|| format!("{} cannot be predicted", run.display()))
-}
-
-/// RMS angle between attitude and reference over the whole run \[rad\], by the controller.
-pub fn pointing_rms_rad(run: &Path) -> anyhow::Result<f64> {
-    let (mut sum, mut count) = (0.0, 0);
-    for message in RunDirectory::open(run)?.bag()?.messages() {
-        let message = message?;
-        if !message.topic.name.ends_with("/control/status") {
-            continue;
-        }
-        if let Ok(Message::ControlStatus(status)) = message.decode() {
-            let error = status.attitude_error_b_rad;
-            let squared = error.x * error.x + error.y * error.y + error.z * error.z;
-            // Without a reference there is no error.
-            if squared.is_finite() {
-                (sum, count) = (sum + squared, count + 1);
-            }
-        }
-    }
-    if count == 0 {
-        bail!("{} has no attitude errors", run.display());
-    }
-    Ok((sum / f64::from(count)).sqrt())
 }

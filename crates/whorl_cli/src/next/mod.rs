@@ -78,6 +78,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     for (name, reason) in &proposal.left_out {
         say!("note: {name} is left out: even scaled down it {reason}");
     }
+    for remark in runs.left_out() {
+        say!("note: {remark}");
+    }
     say!("\nexperiment: {}", out.display());
     let of_folder = folder
         .filter(|f| *f != Path::new("params") && f.join(format!("{}.yaml", known.platform)).is_file())

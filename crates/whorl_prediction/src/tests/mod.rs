@@ -3,3 +3,4 @@
 #[allow(dead_code, reason = "tests of other crates use the rest")]
 pub mod generator;
 mod refusals;
+mod stop;

@@ -197,7 +197,13 @@ fn topic_map(
     let folder = if path.is_dir() { Some(path) } else { path.parent() };
     let beside = folder.map(|folder| folder.join(topic_map::BESIDE_A_BAG));
     let beside = beside.filter(|file| run.manifest().is_none() && file.is_file());
-    match options.channels.map(Path::to_owned).or(beside) {
+    // A map of other bags says nothing of a run that was made of one of them, and has Whorl's own topics.
+    let names_one = |file: &Path| {
+        let text = whorl_files::read_text(file).unwrap_or_default();
+        bag.topics().iter().any(|topic| text.contains(&topic.name))
+    };
+    let asked = options.channels.filter(|file| run.manifest().is_none() || names_one(file));
+    match asked.map(Path::to_owned).or(beside) {
         None => Ok(None),
         Some(file) => Ok(Some(TopicMap::load(&file, bag)?)),
     }

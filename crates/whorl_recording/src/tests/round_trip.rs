@@ -6,8 +6,8 @@ use whorl_bag::CsvMap;
 
 use super::whorl_1;
 use crate::{
-    Mounting, OnInterval, Recording, RunOrigin, Series, TrueMotion, VectorChannel, export_csv,
-    platform_parts, read_csv, read_run, write_run,
+    Mounting, OnInterval, ReadOptions, Recording, RunOrigin, Series, TrueMotion, VectorChannel, export_csv,
+    platform_parts, read_csv, read_run, read_run_with, write_run,
 };
 
 /// Times to a nanosecond, values to rounding.
@@ -69,6 +69,11 @@ pub(super) fn survives(recording: &Recording) {
     let read = read_run(&path, None).unwrap();
     assert_eq!(read.len(), 1);
     assert_same(recording, &read[0]);
+    // Beside runs of another system, whose map names none of its topics.
+    let map = directory.path().join("map.yaml");
+    std::fs::write(&map, "bag:\n  ros__parameters:\n    gyro: {topic: /xsens/imu}\n").unwrap();
+    let options = ReadOptions { channels: Some(&map), ..ReadOptions::default() };
+    assert_same(recording, &read_run_with(&path, &options).unwrap()[0]);
 
     let parts = platform_parts(&known);
     let exported = export_csv(recording, &parts.wheels, &parts.jets, &directory.path().join("csv")).unwrap();

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context as _, Result, bail};
-use whorl_commands::adopt::{as_json, write};
+use whorl_commands::adopt::{as_json, pointing, write};
 use whorl_commands::{options, provenance};
 use whorl_dynamics::effects::find;
 use whorl_explain::{ProgressCallback, adopt};
@@ -46,21 +46,27 @@ pub fn adopted(
     let provenance = provenance::provenance(&paths, &command)?;
     let path = bench.folder().join(&out);
     let before = whorl_files::read_text(&path).ok();
+    say(0.95, "writing, and simulating an experiment");
     // From here on nothing stops: what is written is written whole.
-    let said = write(Some(&path), anyway, &runs, &adoption, &provenance, now())?;
+    write(Some(&path), anyway, &runs, &adoption, &provenance, now())?;
     let answer = adoption.answer();
+    // On a thread that obeys no stop.
+    let (simulated, pointed) = std::thread::scope(|scope| scope.spawn(|| pointing(&runs, &path)).join())
+        .unwrap_or_else(|cause| std::panic::resume_unwind(cause));
     let mut sentences = answer.clone();
+    sentences.push(pointed);
     sentences.extend(adoption.left_out.iter().map(|(version, reason)| format!("{version}: {reason}")));
+    sentences.extend(runs.left_out());
     let changes = change_of(bench.folder(), &out, before).into_iter().collect();
     Ok(Done {
         is_answer: true,
-        json: as_json(&runs.known.platform, &adoption.versions, &answer, &provenance)?,
+        json: as_json(&runs.known.platform, &adoption.versions, &answer, &provenance, simulated.as_ref())?,
         sentences,
         figures: adoption_figures(&adoption),
         changes,
-        choice: Some(Choice { model: Some(out), ..choice }),
+        choice: Some(Choice { model: Some(out.clone()), ..choice }),
         again: vec![Ask::Compare],
-        said: Some(said.replace(&format!("{}/", bench.folder().display()), "")),
+        said: Some(format!("{out}: {} is part of the model now; Undo takes it back.", effects.join(" and "))),
     })
 }
 

@@ -31,8 +31,9 @@ pub fn compared(bench: &Workbench, say: &mut ProgressCallback<'_>) -> Result<Don
     let mut sentences: Vec<String> =
         compared.iter().map(|run| format!("{}{}", run.comparison.answer(), held(run))).collect();
     for run in &compared {
-        sentences.push(run.comparison.said_of_innovations());
-        sentences.extend(run.comparison.findings());
+        let of = if compared.len() > 1 { format!("{}: ", run.comparison.run) } else { String::new() };
+        let said = std::iter::once(run.comparison.said_of_innovations()).chain(run.comparison.findings());
+        sentences.extend(said.map(|sentence| format!("{of}{sentence}")));
     }
     sentences.extend(runs.gaps());
     Ok(Done {
@@ -136,7 +137,7 @@ pub fn discovered(bench: &Workbench, say: &mut ProgressCallback<'_>) -> Result<D
     }
     Ok(Done {
         is_answer: true,
-        sentences: answer,
+        sentences: answer.into_iter().chain(runs.left_out()).collect(),
         json,
         figures: discovery_figures(&found),
         changes,

@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 use whorl_bag::CsvMap;
 use whorl_commands::history;
 use whorl_commands::model_file::{undo_step, write_step};
-use whorl_dynamics::Freedom;
+use whorl_dynamics::{Freedom, PlatformModel};
 use whorl_explain::changes::Change;
 use whorl_params::{ModelStep, ParameterTree, Value};
 use whorl_recording::{KnownPlatform, platform_parts, read_model};
@@ -30,19 +30,6 @@ pub fn platform(bench: &Workbench) -> Result<Platform> {
     let known = bench.known()?;
     let model = &known.model;
     let moments = Matrix3::symmetric_eigen(*model.mass_properties.inertia_b_kg_m2());
-    let mut arrows = Vec::new();
-    arrows.extend(model.wheels().iter().map(|wheel| Arrow {
-        kind: "wheel".to_owned(),
-        name: wheel.name.clone(),
-        at_m: None,
-        direction: wheel.spin_axis_b.into_inner().into(),
-    }));
-    arrows.extend(model.jets().iter().map(|jet| Arrow {
-        kind: "jet".to_owned(),
-        name: jet.name.clone(),
-        at_m: Some(jet.position_b_m.into()),
-        direction: jet.force_direction_b.into_inner().into(),
-    }));
     Ok(Platform {
         platform: known.platform.clone(),
         freedom: match model.freedom {
@@ -56,10 +43,36 @@ pub fn platform(bench: &Workbench) -> Result<Platform> {
         gravity_offset_n_m: (*model.mass_properties.gravity_offset_b_n_m()).into(),
         principal_moments_kg_m2: moments.eigenvalues.into(),
         principal_axes: [0, 1, 2].map(|k| moments.eigenvectors.column(k).into_owned().into()),
-        arrows,
+        arrows: arrows(model),
         parameters: parameters(bench.folder(), &known)?,
         history: history::as_json(&whorl_explain::history(&known)),
     })
+}
+
+/// Wheels, jets and sensors; of gyro and accelerometer each axis that they measure.
+fn arrows(model: &PlatformModel) -> Vec<Arrow> {
+    let arrow = |kind: &str, name: &str, at_m, direction: Vector3<f64>| Arrow {
+        kind: kind.to_owned(),
+        name: name.to_owned(),
+        at_m,
+        direction: direction.into(),
+    };
+    let measured = |axes: [bool; 3]| (0..3).filter(move |k| axes[*k]).map(|k| Vector3::ith(k, 1.0));
+    let sensors = &model.sensors;
+    let wheels =
+        model.wheels().iter().map(|wheel| arrow("wheel", &wheel.name, None, wheel.spin_axis_b.into_inner()));
+    let jets = model.jets().iter().map(|jet| {
+        arrow("jet", &jet.name, Some(jet.position_b_m.into()), jet.force_direction_b.into_inner())
+    });
+    let gyro = measured(sensors.gyro.axes).map(|axis| arrow("gyro", "gyro", None, axis));
+    let accelerometer = &sensors.accelerometer;
+    let forces = measured(accelerometer.axes)
+        .filter(|_| accelerometer.fitted)
+        .map(|axis| arrow("accelerometer", "accelerometer", Some(accelerometer.lever_arm_b_m.into()), axis));
+    let seen = sensors.vector.iter().map(|vector| {
+        arrow("vector", "vector sensor's target", None, vector.reference_direction_world.into_inner())
+    });
+    wheels.chain(jets).chain(gyro).chain(forces).chain(seen).collect()
 }
 
 /// Every number of the model as its files have it, with its prior.

@@ -42,12 +42,6 @@ pub fn stretch(bench: &Workbench, asked: &Stretch) -> Result<String> {
         let map = choice.channels.as_ref().context("choose a map first: it says which column is the time")?;
         cut_table(&path, &bench.listed(map, FileKind::Map)?, [asked.from_s, asked.to_s], &out)?;
     } else {
-        if choice.channels.is_some() {
-            bail!(
-                "{}: import it first (`whorl import bag`): a stretch has Whorl's own topics, which the map does not name",
-                asked.file
-            );
-        }
         let known = bench.known()?;
         let mut recording = sources_in(bench.folder(), &choice).recording(&path, &known)?;
         cut(&mut recording, [asked.from_s, asked.to_s]);

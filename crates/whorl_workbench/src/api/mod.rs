@@ -1,8 +1,16 @@
-//! What the page and the program say to each other. The schema of these types is `api.schema.json`; Python checks against it.
+//! What the page and the program say to each other. The schema of these types is `api.schema.json`; `python/tests/test_workbench.py` holds what is said to it.
+
+mod answers;
+mod files;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+
+pub use answers::{Answer, AskAnswer, AskSeries, FigureRow, FileChange, Mark, SeriesHead, SignalRow};
+pub use files::{
+    Arrow, ChannelMap, EffectRow, MapRow, ParameterRow, Platform, SetChannel, SetParameter, Stretch, TextFile,
+};
 
 /// Version of the interface.
 pub const SCHEMA: u32 = 1;
@@ -135,7 +143,7 @@ pub struct JobRow {
     pub stages: Vec<Stage>,
     /// Since it began \[s\].
     pub elapsed_s: f64,
-    /// It was told to stop, and ends with its current step.
+    /// It was told to stop.
     pub stops: bool,
 }
 
@@ -229,265 +237,6 @@ pub struct State {
     pub notices: Vec<Notice>,
     /// The commands that ask the same of the same files, by the names of the answers.
     pub commands: Vec<(String, String)>,
-}
-
-/// A figure, as `plots.js` draws it.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct FigureRow {
-    /// The run that it is about; empty: all.
-    pub run: String,
-    /// Heading.
-    pub title: String,
-    /// One sentence on how to read it.
-    pub caption: String,
-    /// What a reader hears who does not see it.
-    pub spoken: String,
-    /// Curves, bands and axes.
-    pub spec: Value,
-}
-
-/// A file before and after a change.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
-pub struct FileChange {
-    /// Path from the folder.
-    pub file: String,
-    /// Its text before; empty if there was none.
-    pub before: String,
-    /// Its text after.
-    pub after: String,
-}
-
-/// An answer.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Answer {
-    /// See [`Ask::name`].
-    pub what: String,
-    /// See [`AnswerRow::number`].
-    pub number: u64,
-    /// Most important first.
-    pub sentences: Vec<String>,
-    /// What the command's `--json` writes.
-    pub json: Value,
-    /// Its figures.
-    pub figures: Vec<FigureRow>,
-    /// Files that it has written.
-    pub changes: Vec<FileChange>,
-    /// The command that asks the same.
-    pub command: String,
-    /// How long it took \[s\].
-    pub took_s: f64,
-}
-
-/// What was asked of the interface: an answer, by its name.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct AskAnswer {
-    /// See [`Ask::name`].
-    pub of: String,
-    /// An earlier one; none: the one that holds, else the last.
-    #[serde(default)]
-    pub number: Option<u64>,
-}
-
-/// Samples of a recording.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct AskSeries {
-    /// Which recording.
-    pub file: String,
-    /// From this time on \[s\]; none: from the first sample.
-    pub from_s: Option<f64>,
-    /// To this time \[s\].
-    pub to_s: Option<f64>,
-    /// Most numbers of a signal.
-    pub most: usize,
-}
-
-/// One signal in an answer of samples. Numbers follow the head: times as float64, values as float32, little-endian; a head is as long as
-/// its first four bytes say, filled with blanks to a multiple of eight.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct SignalRow {
-    /// Its name: `gyro_x`.
-    pub name: String,
-    /// What shares a plot: `gyro`.
-    pub group: String,
-    /// Unit of the values.
-    pub unit: String,
-    /// Numbers.
-    pub count: usize,
-    /// Bytes behind the head at which its times begin.
-    pub times_at: usize,
-    /// The same of its values.
-    pub values_at: usize,
-    /// Holds until the next: a command.
-    pub holds: bool,
-    /// Standard deviation of the noise of a reading, in its unit; none where it cannot be told.
-    pub noise: Option<f64>,
-}
-
-/// A stretch of a recording of which something is to be said.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Mark {
-    /// `gap`, `held`, `clipped` or `rest`.
-    pub kind: String,
-    /// The group of signals that it is about; empty: all.
-    pub group: String,
-    /// From \[s\].
-    pub from_s: f64,
-    /// To \[s\].
-    pub to_s: f64,
-}
-
-/// Head of an answer of samples.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct SeriesHead {
-    /// Which recording.
-    pub file: String,
-    /// Units and axes are known; else these are the columns of the file as they are.
-    pub is_mapped: bool,
-    /// First and last time of the recording \[s\].
-    pub span_s: [f64; 2],
-    /// Each stretch shows its smallest and its largest value.
-    pub is_thinned: bool,
-    /// The signals.
-    pub signals: Vec<SignalRow>,
-    /// What is to be said of stretches.
-    pub marks: Vec<Mark>,
-    /// What is to be said of the recording.
-    pub remarks: Vec<String>,
-}
-
-/// A text file of the folder.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct TextFile {
-    /// Path from the folder.
-    pub file: String,
-    /// Its text; when asked for: empty.
-    #[serde(default)]
-    pub text: String,
-}
-
-/// A number of the model.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct ParameterRow {
-    /// Key in the file, below the platform's section.
-    pub key: String,
-    /// Its value as the file has it.
-    pub value: String,
-    /// Standard deviations of its prior, as the file has them; none: what is typical.
-    pub stddev: Option<String>,
-    /// Where the prior is from.
-    pub source: Option<String>,
-    /// Where the value stands: file and line.
-    pub origin: String,
-}
-
-/// An arrow of the drawing, body axes.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Arrow {
-    /// What it is: `wheel`, `jet`, `gimbal`.
-    pub kind: String,
-    /// Its name.
-    pub name: String,
-    /// Where \[m\]; none: it may be anywhere.
-    pub at_m: Option<[f64; 3]>,
-    /// Direction: spin axis, force.
-    pub direction: [f64; 3],
-}
-
-/// The platform as its file has it.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Platform {
-    /// Its name.
-    pub platform: String,
-    /// How it may move: on_bearing, hinge, free, clamped.
-    pub freedom: String,
-    /// Axis of a hinge, body axes.
-    pub hinge_axis: Option<[f64; 3]>,
-    /// Torque of gravity at full tilt, body axes [N m]: weight times the offset of the centre of mass.
-    pub gravity_offset_n_m: [f64; 3],
-    /// Principal moments of inertia [kg m^2] ...
-    pub principal_moments_kg_m2: [f64; 3],
-    /// ... and the axes that they are about, body axes.
-    pub principal_axes: [[f64; 3]; 3],
-    /// Wheels and jets.
-    pub arrows: Vec<Arrow>,
-    /// Every number of the model's file.
-    pub parameters: Vec<ParameterRow>,
-    /// What was adopted when: as `whorl history --json`.
-    pub history: Value,
-}
-
-/// A value to write into the model's file.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct SetParameter {
-    /// Key below the platform's section: `model.mass_kg`, `model_prior.inertia_kg_m2.zz`.
-    pub key: String,
-    /// As it is to stand in the file.
-    pub value: String,
-}
-
-/// A channel in the map of a CSV file.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
-pub struct MapRow {
-    /// Its key.
-    pub key: String,
-    /// Columns in the order of its axes, wheels or jets; `-` before one reverses its sign, `~` stands for none.
-    pub columns: Vec<String>,
-    /// Their unit; none: SI.
-    pub unit: Option<String>,
-    /// The units that it may have.
-    pub units: Vec<String>,
-}
-
-/// The map of a CSV file.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
-pub struct ChannelMap {
-    /// Its file.
-    pub file: String,
-    /// Its channels.
-    pub rows: Vec<MapRow>,
-    /// Columns of the recording.
-    pub columns: Vec<String>,
-}
-
-/// Columns and unit to write into the map.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct SetChannel {
-    /// The channel's key.
-    pub key: String,
-    /// See [`MapRow::columns`].
-    pub columns: Vec<String>,
-    /// See [`MapRow::unit`]; none: as it is.
-    pub unit: Option<String>,
-}
-
-/// A stretch of a recording, to be one of its own.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Stretch {
-    /// Which recording.
-    pub file: String,
-    /// From \[s\].
-    pub from_s: f64,
-    /// To \[s\].
-    pub to_s: f64,
-    /// It tests, and is never fitted.
-    pub held_out: bool,
-}
-
-/// An effect of the catalogue.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
-pub struct EffectRow {
-    /// Its id.
-    pub id: String,
-    /// A few words.
-    pub title: String,
-    /// The mechanism, and how it shows.
-    pub explanation: String,
-    /// Its equation, in plain text.
-    pub equation: String,
-    /// Where that is from.
-    pub source: String,
-    /// What separates it from those that it is confused with.
-    pub separated_by: String,
 }
 
 /// Everything that is said, for the schema.
