@@ -1,18 +1,16 @@
 //! Turns (Figures 4.6 and 4.8).
 
-use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
+use nalgebra::{SVector, UnitQuaternion, Vector3};
 use whorl_math::{integrate_rate, quaternion_exp, rotation_vector, unit_or};
 use whorl_recording::Recording;
 
-use crate::misfit::{Misfit, said};
+use crate::fit::{fit, said};
 use crate::still::Still;
-use crate::{CalibrationSettings, SensorCalibration};
+use crate::{CalibrationSettings, PerAxis, SensorCalibration};
 use whorl_recording::Finding;
 
 /// Widest scale error \[1\] and misalignment \[rad\] that are considered.
 const WIDEST: f64 = 0.1;
-/// An uncertainty above this share of the widest is "not determined".
-const DETERMINED: f64 = 0.2;
 /// Smaller turns count as none \[rad\].
 const SMALLEST_TURN_RAD: f64 = 0.3;
 /// Gravity moved by less than this during a turn: it was about the vertical \[rad\].
@@ -33,9 +31,8 @@ struct Turn<'a> {
 }
 
 /// Scale, misalignment, and what y sees of x, z of x and z of y.
-type Errors = SVector<f64, UNKNOWNS>;
+type Errors = SVector<f64, 9>;
 
-const UNKNOWNS: usize = 9;
 /// What is known of the last three: data sheets state one or two percent \[rad\].
 const SKEW_RAD: f64 = 0.02;
 
@@ -98,70 +95,35 @@ pub(super) fn calibrate(
     settings: &CalibrationSettings,
     findings: &mut Vec<Finding>,
 ) -> SensorCalibration {
-    let mut sensor = SensorCalibration::empty();
+    let mut sensor = SensorCalibration::default();
     if still.is_empty() {
         return sensor;
     }
     bias(still, &mut sensor);
     let turns = turns(runs, still, accelerometer, settings);
-    type Square = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
     let prior = Errors::from_fn(|n, _| if n < 6 { WIDEST } else { SKEW_RAD });
-    let of_prior = Square::from_diagonal(&prior.map(|stddev| stddev.powi(-2)));
-    let (mut errors, mut covariance) =
-        (Errors::zeros(), Square::from_diagonal(&prior.map(|stddev| stddev.powi(2))));
-    let mut used = 0.0;
-    for _ in 0..8 {
-        let mut information = of_prior;
-        let mut right = -of_prior * errors;
-        for turn in &turns {
-            let base = turn.residuals(&errors, settings);
-            let mut jacobian = SMatrix::<f64, 4, UNKNOWNS>::zeros();
-            for n in 0..UNKNOWNS {
-                let mut moved = errors;
-                moved[n] += 1e-6;
-                jacobian.set_column(n, &((turn.residuals(&moved, settings) - base) / 1e-6));
-            }
-            information += jacobian.transpose() * jacobian;
-            right -= jacobian.transpose() * base;
+    // Of the three numbers of a direction two are free, and one of a known angle.
+    let free: f64 = turns.iter().map(|turn| if turn.angle_rad.is_some() { 3.0 } else { 2.0 }).sum();
+    let residual = |k: usize, errors: &Errors, _: &Errors| {
+        turns.get(k).map_or_else(SVector::zeros, |turn: &Turn<'_>| turn.residuals(errors, settings))
+    };
+    if let Some(fitted) = fit(prior, (turns.len(), free), residual) {
+        if !turns.is_empty() {
+            let what = "directions of gravity after the turns that are off by";
+            findings.extend(said("gyro", &fitted.misfit, what));
+            sensor.misfit = Some(fitted.misfit);
         }
-        let Some(factor) = information.cholesky() else { break };
-        let step = factor.solve(&right);
-        errors += step;
-        covariance = factor.inverse();
-        used = (covariance * (information - of_prior)).trace();
-        if step.amax() < 1e-10 {
-            break;
-        }
-    }
-    if !turns.is_empty() {
-        // Of the three numbers of a direction two are free, and one of a known angle.
-        let free: f64 = turns.iter().map(|turn| if turn.angle_rad.is_some() { 3.0 } else { 2.0 }).sum();
-        let squares = turns.iter().map(|turn| turn.residuals(&errors, settings).norm_squared());
-        let misfit = Misfit { chi_squared: squares.sum(), dof: free - used };
-        covariance *= misfit.inflation();
-        findings.extend(said("gyro", &misfit, "directions of gravity after the turns that are off by"));
-        sensor.misfit = Some(misfit);
-    }
-    let mut missing = [Vec::new(), Vec::new(), Vec::new()];
-    for n in 0..UNKNOWNS {
-        let (axis, kind) = (n % 3, n / 3);
-        let slot = match kind {
-            0 => &mut sensor.scale,
-            1 => &mut sensor.misalignment_rad,
-            _ => &mut sensor.skew_rad,
-        };
         // Gravity in the body comes from the accelerometer; the gyro cannot show how that is turned in its case.
-        let shared = accelerometer.misalignment_rad.stddev[axis];
-        let shared = if kind == 1 && shared.is_finite() { shared } else { 0.0 };
-        let stddev = covariance[(n, n)].sqrt().hypot(shared);
-        if stddev < DETERMINED * prior[n] {
-            slot.value[axis] = errors[n];
-            slot.stddev[axis] = stddev;
-        } else if let Some(list) = missing.get_mut(kind) {
-            list.push(["x", "y", "z"][axis]);
-        }
+        let shared = accelerometer.misalignment_rad.stddev.map(|x| if x.is_finite() { x } else { 0.0 });
+        let alone = Vector3::zeros();
+        (sensor.scale, sensor.misalignment_rad) = (fitted.three(0, &alone), fitted.three(3, &shared));
+        sensor.skew_rad = fitted.three(6, &alone);
     }
-    let [scale, misalignment, _] = missing;
+    let missing = |of: &PerAxis| -> Vec<&str> {
+        let axes = ["x", "y", "z"].into_iter().zip(of.determined());
+        axes.filter(|(_, is_known)| !is_known).map(|(axis, _)| axis).collect()
+    };
+    let (scale, misalignment) = (missing(&sensor.scale), missing(&sensor.misalignment_rad));
     if !scale.is_empty() {
         findings.push(Finding::warning(format!(
             "Gyro scale not determined about {}: turn the sensor from face to face about {}, or give the angle of turns about the vertical (--known-turn-deg).",
@@ -181,13 +143,11 @@ pub(super) fn calibrate(
 /// Weighted mean over the still stretches; their scatter counts where it is larger than their noise.
 fn bias(still: &[Still], sensor: &mut SensorCalibration) {
     for axis in 0..3 {
-        let weights: Vec<f64> =
-            still.iter().map(|s| (s.gyro_stddev_rad_s[axis].powi(2) + 1e-16).recip()).collect();
-        let total: f64 = weights.iter().sum();
-        let mean = still.iter().zip(&weights).map(|(s, w)| s.gyro_rad_s[axis] * w).sum::<f64>() / total;
-        let scatter =
-            still.iter().zip(&weights).map(|(s, w)| w * (s.gyro_rad_s[axis] - mean).powi(2)).sum::<f64>()
-                / (still.len().max(2) - 1) as f64;
+        let of = |s: &Still| (s.gyro_rad_s[axis], (s.gyro_stddev_rad_s[axis].powi(2) + 1e-16).recip());
+        let total: f64 = still.iter().map(|s| of(s).1).sum();
+        let mean = still.iter().map(|s| of(s).0 * of(s).1).sum::<f64>() / total;
+        let squares: f64 = still.iter().map(|s| of(s).1 * (of(s).0 - mean).powi(2)).sum();
+        let scatter = squares / (still.len().max(2) - 1) as f64;
         sensor.bias.value[axis] = mean;
         sensor.bias.stddev[axis] = (scatter.max(1.0) / total).sqrt();
     }

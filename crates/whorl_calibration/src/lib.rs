@@ -16,10 +16,9 @@
 //! said in a sentence.
 
 mod accelerometer;
+mod fit;
 mod gaussianity;
 mod gyro;
-mod misfit;
-mod noise;
 mod still;
 mod temperature;
 #[cfg(test)]
@@ -27,13 +26,15 @@ mod tests;
 
 use nalgebra::Vector3;
 use whorl_dynamics::platform::SensorSuite;
-use whorl_math::NoiseDensities;
+use whorl_math::{NoiseDensities, allan_deviation, noise_densities};
 use whorl_recording::{Finding, Recording};
 
+pub use fit::Misfit;
 pub use gaussianity::{Bin, Gaussianity, chi_squared_test};
-pub use misfit::Misfit;
-pub use noise::NoiseFit;
 pub use still::{Still, still_stretches};
+
+/// Points of the Allan deviation in a decade of averaging times.
+const PER_DECADE: usize = 8;
 
 /// What is known from outside.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,12 +69,14 @@ pub struct PerAxis {
     pub stddev: Vector3<f64>,
 }
 
-impl PerAxis {
+impl Default for PerAxis {
     /// Nothing is known.
-    pub(crate) fn unknown() -> Self {
+    fn default() -> Self {
         Self { value: Vector3::zeros(), stddev: Vector3::repeat(f64::INFINITY) }
     }
+}
 
+impl PerAxis {
     /// Axes that were determined.
     #[must_use]
     pub fn determined(&self) -> [bool; 3] {
@@ -81,8 +84,8 @@ impl PerAxis {
     }
 }
 
-/// Calibration of one three-axis sensor.
-#[derive(Debug, Clone, PartialEq)]
+/// Calibration of one three-axis sensor; by default nothing is known.
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct SensorCalibration {
     /// Bias, in the sensor's unit.
     pub bias: PerAxis,
@@ -100,31 +103,10 @@ pub struct SensorCalibration {
     pub noise_stddev_stddev: Vector3<f64>,
     /// Noise densities per axis from the Allan deviation; `None`: no still stretch was long enough.
     pub noise: [Option<NoiseDensities>; 3],
-    /// The same with their uncertainty.
-    pub noise_fit: [Option<NoiseFit>; 3],
     /// Is the noise Gaussian? Per axis.
     pub gaussianity: [Option<Gaussianity>; 3],
     /// Change of the bias with temperature, per kelvin.
     pub temperature_slope: PerAxis,
-}
-
-impl SensorCalibration {
-    /// Nothing is known.
-    fn empty() -> Self {
-        Self {
-            bias: PerAxis::unknown(),
-            scale: PerAxis::unknown(),
-            misalignment_rad: PerAxis::unknown(),
-            skew_rad: PerAxis::unknown(),
-            misfit: None,
-            noise_stddev: Vector3::zeros(),
-            noise_stddev_stddev: Vector3::zeros(),
-            noise: [None; 3],
-            noise_fit: [None; 3],
-            gaussianity: [None, None, None],
-            temperature_slope: PerAxis::unknown(),
-        }
-    }
 }
 
 /// Calibration of gyro and accelerometer.
@@ -225,11 +207,13 @@ fn noise_of(
     let mut not_gaussian = Vec::new();
     for axis in 0..3 {
         let values: Vec<f64> = samples.iter().map(|v| v[axis]).collect();
-        let ([sample, sample_stddev], fit) = noise::fit(&values, sample_time_s);
-        sensor.noise[axis] = fit.map(|fit| fit.densities);
-        sensor.noise_fit[axis] = fit;
-        sensor.noise_stddev[axis] = sample;
-        sensor.noise_stddev_stddev[axis] = sample_stddev;
+        let curve = allan_deviation(&values, sample_time_s, PER_DECADE);
+        sensor.noise[axis] = noise_densities(&curve);
+        // From neighbours, so that a drifting bias does not count as noise.
+        if let Some(sample) = curve.first() {
+            sensor.noise_stddev[axis] = sample.deviation;
+            sensor.noise_stddev_stddev[axis] = sample.deviation * sample.relative_error;
+        }
         sensor.gaussianity[axis] = chi_squared_test(&values, 0.01);
         if sensor.gaussianity[axis].as_ref().is_some_and(|g| !g.passes()) {
             not_gaussian.push(["x", "y", "z"][axis]);

@@ -1,7 +1,7 @@
 //! Stretches in which nothing moved.
 
 use nalgebra::Vector3;
-use whorl_dynamics::platform::SensorSuite;
+use whorl_dynamics::platform::{SensorSuite, TriaxialErrors};
 use whorl_math::statistics::{median, quantile};
 use whorl_recording::{Recording, Series};
 
@@ -69,49 +69,48 @@ pub(super) fn mean_stddev(samples: &[Vector3<f64>]) -> (Vector3<f64>, Vector3<f6
 /// noise) and its mean rate does not differ from the quietest's by more than the noise allows.
 #[must_use]
 pub fn still_stretches(index: usize, run: &Recording, sensors: &SensorSuite) -> Vec<Still> {
-    let gyro = &run.gyro_b_rad_s;
-    let (Some(start), Some(end)) = (gyro.time_s.first(), gyro.time_s.last()) else { return Vec::new() };
+    let times = &run.gyro_b_rad_s.time_s;
+    let (Some(start), Some(end)) = (times.first(), times.last()) else { return Vec::new() };
     let count = ((end - start) / WINDOW_S).floor() as usize;
-    let windows: Vec<Window> = (0..count)
-        .map(|n| {
-            let from_s = start + n as f64 * WINDOW_S;
-            let g = between(gyro, from_s, from_s + WINDOW_S);
-            let a = between(&run.specific_force_b_m_s2, from_s, from_s + WINDOW_S);
-            (from_s, g.len().min(a.len()), mean_stddev(&g), mean_stddev(&a))
-        })
-        .collect();
-    let quietest = |of: &dyn Fn(usize) -> f64, floor: f64| {
-        let scatter = quantile((0..windows.len()).map(of).filter(|s| *s > 0.0), QUIETEST);
-        if scatter.is_finite() { scatter.max(floor) } else { floor }
+    let from = |n: usize| start + n as f64 * WINDOW_S;
+    let windows: Vec<Window> =
+        (0..count).map(|n| Window::of(index, run, from(n), from(n) + WINDOW_S)).collect();
+    let limit = |of: fn(&Window) -> f64, errors: &TriaxialErrors| {
+        let scatter = quantile(windows.iter().map(of).filter(|s| *s > 0.0), QUIETEST);
+        let floor = 0.2 * errors.noise_stddev.amax().max(errors.quantum);
+        2.5 * if scatter.is_finite() { scatter.max(floor) } else { floor }
     };
-    let gyro_floor = sensors.gyro.errors.noise_stddev.amax().max(sensors.gyro.errors.quantum);
-    let force_floor =
-        sensors.accelerometer.errors.noise_stddev.amax().max(sensors.accelerometer.errors.quantum);
-    let gyro_limit = 2.5 * quietest(&|n| windows[n].2.1.amax(), gyro_floor * 0.2);
-    let force_limit = 2.5 * quietest(&|n| windows[n].3.1.amax(), force_floor * 0.2);
+    let gyro_limit = limit(|w| w.gyro_scatter, &sensors.gyro.errors);
+    let force_limit = limit(|w| w.force_scatter, &sensors.accelerometer.errors);
     // A turn at constant rate is as quiet as rest: its mean is not. Rest is the commonest mean.
-    let mut centre = centre_of(windows.iter().filter(|w| w.2.1.amax() < gyro_limit).map(|w| w.2.0));
+    let quiet = windows.iter().filter(|w| w.gyro_scatter < gyro_limit);
+    let first_centre = centre_of(quiet.map(|w| w.still.gyro_rad_s));
     let allowed = |w: &Window, centre: &Vector3<f64>| {
-        w.1 >= 5
-            && w.2.1.amax() < gyro_limit
-            && w.3.1.amax() < force_limit
-            && (w.2.0 - centre).amax() < gyro_limit
+        w.samples >= 5
+            && w.gyro_scatter < gyro_limit
+            && w.force_scatter < force_limit
+            && (w.still.gyro_rad_s - centre).amax() < gyro_limit
     };
-    centre = centre_of(windows.iter().filter(|w| allowed(w, &centre)).map(|w| w.2.0));
+    let at_rest = windows.iter().filter(|w| allowed(w, &first_centre));
+    let centre = centre_of(at_rest.map(|w| w.still.gyro_rad_s));
     let mut stretches = Vec::new();
     let mut began: Option<usize> = None;
     for n in 0..=windows.len() {
         let still = windows.get(n).is_some_and(|w| {
             // A slow change of position shows in the accelerometer's mean.
-            let steady =
-                began.and_then(|b| windows.get(b)).is_none_or(|b| (b.3.0 - w.3.0).amax() < force_limit);
+            let force = |w: &Window| w.still.specific_force_m_s2;
+            let first = began.and_then(|first| windows.get(first));
+            let steady = first.is_none_or(|first| (force(first) - force(w)).amax() < force_limit);
             allowed(w, &centre) && steady
         });
         match (still, began) {
             (true, None) => began = Some(n),
             (false, Some(first)) => {
-                stretches.extend(stretch(index, run, &windows, first, n));
                 began = None;
+                let (from_s, to_s) = (from(first) + EDGE_S, from(n) - EDGE_S);
+                if to_s - from_s >= SHORTEST_S - 2.0 * EDGE_S {
+                    stretches.push(Window::of(index, run, from_s, to_s).still);
+                }
             }
             _ => {}
         }
@@ -119,41 +118,37 @@ pub fn still_stretches(index: usize, run: &Recording, sensors: &SensorSuite) -> 
     stretches
 }
 
-type Window = (f64, usize, (Vector3<f64>, Vector3<f64>), (Vector3<f64>, Vector3<f64>));
+/// Means over a time, the largest scatter of gyro [rad/s] and accelerometer [m/s^2], and the samples of the one that has fewer.
+struct Window {
+    still: Still,
+    gyro_scatter: f64,
+    force_scatter: f64,
+    samples: usize,
+}
 
-fn stretch(index: usize, run: &Recording, windows: &[Window], first: usize, last: usize) -> Option<Still> {
-    let from_s = windows.get(first)?.0 + EDGE_S;
-    let to_s = windows.get(last.checked_sub(1)?)?.0 + WINDOW_S - EDGE_S;
-    if to_s - from_s < SHORTEST_S - 2.0 * EDGE_S {
-        return None;
+impl Window {
+    fn of(index: usize, run: &Recording, from_s: f64, to_s: f64) -> Self {
+        let g = between(&run.gyro_b_rad_s, from_s, to_s);
+        let a = between(&run.specific_force_b_m_s2, from_s, to_s);
+        let ((gyro_rad_s, gyro_scatter), (specific_force_m_s2, force_scatter)) =
+            (mean_stddev(&g), mean_stddev(&a));
+        let t = &run.temperature_k;
+        let within = t.time_s.partition_point(|t| *t < from_s)..t.time_s.partition_point(|t| *t <= to_s);
+        let warm = t.value.get(within).filter(|warm| !warm.is_empty());
+        let mean = |warm: &[f64]| warm.iter().sum::<f64>() / warm.len() as f64;
+        let still = Still {
+            run: index,
+            from_s,
+            to_s,
+            gyro_rad_s,
+            specific_force_m_s2,
+            gyro_stddev_rad_s: gyro_scatter / (g.len().max(1) as f64).sqrt(),
+            specific_force_stddev_m_s2: force_scatter / (a.len().max(1) as f64).sqrt(),
+            temperature_k: warm.map(mean).or_else(|| t.held_at(to_s).copied()),
+        };
+        let samples = g.len().min(a.len());
+        Self { still, gyro_scatter: gyro_scatter.amax(), force_scatter: force_scatter.amax(), samples }
     }
-    let g = between(&run.gyro_b_rad_s, from_s, to_s);
-    let a = between(&run.specific_force_b_m_s2, from_s, to_s);
-    let (gyro_rad_s, gyro_scatter) = mean_stddev(&g);
-    let (specific_force_m_s2, force_scatter) = mean_stddev(&a);
-    let t = &run.temperature_k;
-    let warm: Vec<f64> = t
-        .time_s
-        .iter()
-        .zip(&t.value)
-        .filter(|(t, _)| (from_s..=to_s).contains(*t))
-        .map(|(_, v)| *v)
-        .collect();
-    let temperature_k = if warm.is_empty() {
-        t.held_at(to_s).copied()
-    } else {
-        Some(warm.iter().sum::<f64>() / warm.len() as f64)
-    };
-    Some(Still {
-        run: index,
-        from_s,
-        to_s,
-        gyro_rad_s,
-        specific_force_m_s2,
-        gyro_stddev_rad_s: gyro_scatter / (g.len().max(1) as f64).sqrt(),
-        specific_force_stddev_m_s2: force_scatter / (a.len().max(1) as f64).sqrt(),
-        temperature_k,
-    })
 }
 
 /// The median of each component.

@@ -1,11 +1,11 @@
 //! Bias against temperature.
 
+use nalgebra::Vector3;
 use whorl_math::line::Line;
-use whorl_recording::Recording;
+use whorl_recording::{Finding, Recording};
 
-use crate::SensorCalibration;
 use crate::still::Still;
-use whorl_recording::Finding;
+use crate::{PerAxis, SensorCalibration};
 
 /// Least change of temperature that a slope is sought for \[K\].
 const LEAST_CHANGE_K: f64 = 2.0;
@@ -35,24 +35,23 @@ pub(super) fn slopes(
         findings.push(Finding::warning(text));
         return;
     }
-    for axis in 0..3 {
-        let points: Vec<[f64; 3]> =
-            warm.iter().map(|(t, s)| [*t, s.gyro_rad_s[axis], s.gyro_stddev_rad_s[axis]]).collect();
-        if let Some((slope, stddev)) = line(&points) {
-            gyro.temperature_slope.value[axis] = slope;
-            gyro.temperature_slope.stddev[axis] = stddev;
+    let first = warm.first().map(|(_, s)| s.specific_force_m_s2).unwrap_or_default();
+    let one_position: Vec<(f64, &Still)> =
+        warm.iter().filter(|(_, s)| (s.specific_force_m_s2 - first).amax() < 0.2).copied().collect();
+    let slope = |stretches: &[(f64, &Still)], of: fn(&Still) -> (&Vector3<f64>, &Vector3<f64>)| {
+        let mut slope = PerAxis::default();
+        for axis in 0..3 {
+            let points: Vec<[f64; 3]> =
+                stretches.iter().map(|(t, s)| [*t, of(s).0[axis], of(s).1[axis]]).collect();
+            if let Some(found) = line(&points) {
+                (slope.value[axis], slope.stddev[axis]) = found;
+            }
         }
-        let first = warm.first().map(|(_, s)| s.specific_force_m_s2).unwrap_or_default();
-        let points: Vec<[f64; 3]> = warm
-            .iter()
-            .filter(|(_, s)| (s.specific_force_m_s2 - first).amax() < 0.2)
-            .map(|(t, s)| [*t, s.specific_force_m_s2[axis], s.specific_force_stddev_m_s2[axis]])
-            .collect();
-        if let Some((slope, stddev)) = line(&points) {
-            accelerometer.temperature_slope.value[axis] = slope;
-            accelerometer.temperature_slope.stddev[axis] = stddev;
-        }
-    }
+        slope
+    };
+    gyro.temperature_slope = slope(&warm, |s| (&s.gyro_rad_s, &s.gyro_stddev_rad_s));
+    accelerometer.temperature_slope =
+        slope(&one_position, |s| (&s.specific_force_m_s2, &s.specific_force_stddev_m_s2));
 }
 
 /// Slope of a straight line through (x, y, sigma of y) and its standard deviation, enlarged where the

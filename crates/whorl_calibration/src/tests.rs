@@ -5,7 +5,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::platform::SensorSuite;
-use whorl_math::{GRAVITY_M_S2, vertical_b};
+use whorl_math::{GRAVITY_M_S2, allan_deviation, noise_densities, vertical_b};
 use whorl_recording::Recording;
 
 use crate::{CalibrationSettings, calibrate_imu};
@@ -274,4 +274,38 @@ fn what_was_not_done_is_said() {
     let found = calibrate_imu(&[&run], &truth, &settings);
     assert_eq!(found.gyro.scale.determined(), [false, false, true], "{:?}", found.gyro.scale);
     assert!((found.gyro.scale.value.z - truth.gyro.errors.scale.z).abs() < 4.0 * found.gyro.scale.stddev.z);
+}
+
+/// White noise and a walk of known size, many records: the stated deviations are those of the results, within a factor.
+#[test]
+fn stated_deviations_are_those_of_many_records() {
+    let (dt, white, walk) = (0.05_f64, 0.001, 2e-4);
+    let (mut squares, mut beyond, mut floors, count) = ([0.0; 2], 0, 0, 60);
+    for seed in 0..count {
+        let mut rng = Pcg64::new(seed, 3);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        let mut bias = 0.0;
+        let samples: Vec<f64> = (0..14_000)
+            .map(|_| {
+                bias += walk * dt.sqrt() * normal();
+                bias + white * normal()
+            })
+            .collect();
+        let curve = allan_deviation(&samples, dt, 8);
+        let (sample, sample_stddev) = (curve[0].deviation, curve[0].deviation * curve[0].relative_error);
+        let found = noise_densities(&curve).unwrap();
+        assert!((sample - white).abs() < 5.0 * sample_stddev + 0.01 * white, "{sample}");
+        let off =
+            [(found.white - white * dt.sqrt()) / found.white_stddev, (found.walk - walk) / found.walk_stddev];
+        for (sum, off) in squares.iter_mut().zip(off) {
+            *sum += off * off / f64::from(count as u32);
+            beyond += usize::from(off.abs() > 3.0);
+        }
+        // The lowest point of N^2 / tau + K^2 tau / 3.
+        let lowest = (2.0 * white * dt.sqrt() * walk / 3_f64.sqrt()).sqrt();
+        floors += usize::from(found.floor_seen && (found.floor / lowest - 1.0).abs() < 0.25);
+    }
+    assert!(squares.iter().all(|mean| (0.2..2.5).contains(mean)), "{squares:?}");
+    assert!(floors >= 55, "{floors} of {count}");
+    assert!(beyond <= 4, "{beyond} of 120 beyond three deviations");
 }

@@ -1,6 +1,7 @@
 //! How far a model is from recorded runs.
 
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
+use whorl_identification::usable_readings;
 use whorl_prediction::Followed;
 use whorl_recording::Recording;
 use whorl_validation::Comparison;
@@ -35,7 +36,9 @@ pub(crate) fn compare_fitted(
     let names: Vec<&str> = all.iter().map(|(run, _)| run.name.as_str()).collect();
     say(0.0, &format!("comparing {}", names.join(", ")));
     let compared = |(i, (run, held_out)): (usize, (&Recording, bool))| -> Result<ComparedRun, ExplainError> {
-        let comparison = whorl_validation::compare_as(run, case.model, followed.get(i))?;
+        let (usable, left_out) = usable_readings(run, case.model);
+        let mut comparison = whorl_validation::compare_as(&usable, case.model, followed.get(i))?;
+        comparison.remarks.extend(left_out);
         Ok(ComparedRun { comparison, held_out })
     };
     let results: Vec<_> = all.into_par_iter().enumerate().map(compared).collect();

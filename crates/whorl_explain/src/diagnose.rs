@@ -1,8 +1,8 @@
 //! Which physical effect a model lacks.
 
-use whorl_identification::{Diagnosis, Options, Progress, Verdict};
+use whorl_identification::{Diagnosis, Options, Progress, Verdict, usable_readings};
 use whorl_recording::Mounting;
-use whorl_validation::{SMALL_ERROR, UnexplainedTorques, unexplained_torques_as};
+use whorl_validation::{SMALL_ERROR, UnexplainedTorques, unexplained_torques};
 
 use crate::adopt::{Version, versions};
 use crate::locate::check_plausible;
@@ -50,8 +50,11 @@ pub fn diagnose(
     let diagnosis = whorl_identification::diagnose(training, held_out, model, prior, options, &mut progress)?;
     drop(search);
     let named = (!diagnosis.effects.is_empty()).then(|| diagnosis.effects.clone());
-    let sets: Vec<Vec<String>> = named.into_iter().collect();
+    let sets: Vec<Vec<String>> = named.iter().cloned().collect();
     let (versions, _) = versions(case, &sets, &diagnosis.fits, options, &mut part(say, 0.7, 1.0))?;
+    let best = versions.iter().rfind(|version| named.is_none() || !version.effects.is_empty());
+    let left = |held_out: bool| best.and_then(|version| version.prediction_error(held_out));
+    let diagnosis = diagnosis.held_against(left(false), left(true), &options.settings);
     let torque = unexplained(case, &versions);
     Ok(Explanation { diagnosis, versions, torque })
 }
@@ -65,11 +68,11 @@ fn unexplained(case: &Case<'_>, versions: &[Version]) -> Option<UnexplainedTorqu
     let torques = |version: &Version| {
         let model = version.fit.as_ref().map_or(case.model, |fit| &fit.model);
         let known = version.runs.first().map(|run| &run.comparison.followed);
-        unexplained_torques_as(recording, model, known).ok()
+        unexplained_torques(&usable_readings(recording, case.model).0, model, known).ok()
     };
     // Parameters moved implausibly far would hide or imitate the missing effect.
     let is_plausible =
-        |version: &&Version| version.fit.as_ref().is_none_or(|fit| check_plausible(case, fit).is_ok());
+        |version: &&Version| version.fit.as_ref().is_none_or(|fit| check_plausible(fit).is_ok());
     let (with, without): (Vec<&Version>, Vec<&Version>) =
         versions.iter().partition(|version| !version.effects.is_empty());
     let before = torques(without.into_iter().rfind(is_plausible)?)?;

@@ -2,11 +2,11 @@
 
 use rayon::prelude::*;
 use whorl_dynamics::PlatformModel;
-use whorl_identification::{Fit, Options, fit};
+use whorl_identification::{Fit, Options, fit, usable_readings};
 use whorl_recording::Recording;
-use whorl_validation::{Localisation, UnexplainedTorques, explain_where, unexplained_torques_as};
+use whorl_validation::{Localisation, UnexplainedTorques, explain_where, unexplained_torques};
 
-use crate::adopt::plausibility::farthest;
+use crate::adopt::farthest;
 use crate::{Case, ExplainError, ProgressCallback};
 
 /// Prior standard deviations by which the platform's own parameters may move to explain a run. If a fit asks for more,
@@ -44,14 +44,16 @@ pub fn locate(
     say(0.0, "fitting the platform's own parameters");
     let fitted = fit(case.training, case.model, case.prior, &[], options);
     let plausible = fitted.map_err(|error| error.to_string()).and_then(|fitted| {
-        check_plausible(case, &fitted)?;
+        check_plausible(&fitted)?;
         Ok((fitted.model, fitted.followed))
     });
     let ((model, known), not_refitted) = match plausible {
         Ok(fitted) => (fitted, None),
         Err(reason) => ((case.model.clone(), Vec::new()), Some(reason)),
     };
-    let all: Vec<&Recording> = case.training.iter().chain(case.held_out).collect();
+    let used: Vec<_> =
+        case.training.iter().chain(case.held_out).map(|run| usable_readings(run, case.model).0).collect();
+    let all: Vec<&Recording> = used.iter().map(AsRef::as_ref).collect();
     say(
         0.5,
         &if let [run] = all[..] {
@@ -60,7 +62,7 @@ pub fn locate(
             format!("following {} runs", all.len())
         },
     );
-    let torques_of = |(i, run): (usize, &&Recording)| unexplained_torques_as(run, &model, known.get(i));
+    let torques_of = |(i, run): (usize, &&Recording)| unexplained_torques(run, &model, known.get(i));
     let torques: Vec<_> = all.par_iter().enumerate().map(torques_of).collect();
     let torques: Vec<UnexplainedTorques> = torques.into_iter().collect::<Result<_, _>>()?;
     say(0.9, "analysing the runs");
@@ -74,10 +76,11 @@ pub fn locate(
 }
 
 /// Checks that the platform's own parameters have moved within their priors; if not, names the worst one.
-pub(crate) fn check_plausible(case: &Case<'_>, fitted: &Fit) -> Result<(), String> {
-    match farthest(case.model, case.prior, &fitted.model) {
-        Some((name, stddevs)) if stddevs > MOST_STDDEVS => Err(format!(
-            "a refit would move {name} by {stddevs:.0} of its prior's standard deviations; the platform's own parameters alone cannot explain the data"
+pub(crate) fn check_plausible(fitted: &Fit) -> Result<(), String> {
+    match farthest(fitted, |_| true) {
+        Some((worst, stddevs)) if stddevs > MOST_STDDEVS => Err(format!(
+            "a refit would move {} of {} by {stddevs:.0} of its prior's standard deviations; the platform's own parameters alone cannot explain the data",
+            worst.name, worst.group
         )),
         _ => Ok(()),
     }

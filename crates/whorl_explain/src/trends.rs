@@ -10,6 +10,7 @@
 use whorl_dynamics::effects::{catalogue, find};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_identification::{Options, fit};
+use whorl_math::line::Line;
 use whorl_math::statistics::{normal_probability, normal_quantile};
 use whorl_recording::Recording;
 
@@ -233,7 +234,7 @@ fn judge(trends: &mut [Trend], times: &[f64], since: Option<usize>) {
         let mut found: Vec<(Change, f64)> =
             places(trend, since).into_iter().map(|k| step(trend, k)).collect();
         if drifts(trend, times, since) {
-            found.push(drift(trend, times));
+            found.extend(drift(trend, times));
         }
         let best = found.into_iter().max_by(|a, b| a.0.sigma.total_cmp(&b.0.sigma));
         let Some((mut change, scatter)) = best else { continue };
@@ -274,20 +275,13 @@ fn step(trend: &Trend, k: usize) -> (Change, f64) {
     (change(ChangeKind::Step { from }, b - a, sa.hypot(sb) * scatter), scatter)
 }
 
-fn drift(trend: &Trend, times: &[f64]) -> (Change, f64) {
-    let points: Vec<(f64, f64, f64)> = trend
-        .estimates
-        .iter()
-        .map(|e| (times.get(e.run).copied().unwrap_or(0.0), e.value, e.stddev.powi(-2)))
-        .collect();
-    let weight: f64 = points.iter().map(|(.., w)| w).sum();
-    let centre = |f: fn(&(f64, f64, f64)) -> f64| points.iter().map(|p| f(p) * p.2).sum::<f64>() / weight;
-    let (t0, x0) = (centre(|p| p.0), centre(|p| p.1));
-    let spread: f64 = points.iter().map(|(t, _, w)| w * (t - t0).powi(2)).sum();
-    let slope = points.iter().map(|(t, x, w)| w * (t - t0) * (x - x0)).sum::<f64>() / spread;
-    let left = points.iter().map(|(t, x, w)| w * (x - x0 - slope * (t - t0)).powi(2)).sum();
-    let scatter = scatter(left, points.len(), 2);
-    (change(ChangeKind::Drift, slope, spread.powf(-0.5) * scatter), scatter)
+fn drift(trend: &Trend, times: &[f64]) -> Option<(Change, f64)> {
+    let estimates = || trend.estimates.iter();
+    let points = estimates().map(|e| (times.get(e.run).copied().unwrap_or(0.0), e.value, e.stddev.powi(-2)));
+    let line = Line::weighted(points.clone())?;
+    let left = points.map(|(t, x, w)| w * (x - line.at(t)).powi(2)).sum();
+    let scatter = scatter(left, trend.estimates.len(), 2);
+    Some((change(ChangeKind::Drift, line.slope, line.spread.powf(-0.5) * scatter), scatter))
 }
 
 #[cfg(test)]

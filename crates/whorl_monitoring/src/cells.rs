@@ -1,14 +1,12 @@
 //! Readings of a short time as one, against the platform's own plant with what its actuators did.
 //!
-//! Over a cell a motion that is slow in comparison is a straight line but for what the actuators do. So the mean of the readings less
-//! their predictions is a reading in the middle of the cell, exact to the first order. The plant stops where valves move; between two
-//! stops its motion is interpolated. Motors give their mean torque, and what they gave otherwise is added at each reading: an impulse.
+//! Over a cell what the platform does otherwise than its plant is a straight line. So the mean of the readings less their predictions is a
+//! reading in the middle of the cell, exact to the first order.
 
 use std::collections::VecDeque;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::gyrostat::{MAX_JETS, MAX_WHEELS};
-use whorl_dynamics::plant::RATE;
 use whorl_dynamics::platform::SensorSuite;
 use whorl_dynamics::{Environment, InitialState, Plant, PlantError, PlatformModel};
 use whorl_prediction::{InState, Reading};
@@ -19,10 +17,9 @@ use crate::gas;
 /// What the platform was told or measured, at a time.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Input {
-    /// Motor torques of the wheels from now on [N m].
-    Torque([f64; MAX_WHEELS]),
-    /// Variance of what the wheels' motors may have done otherwise since the torque before [(N m s)^2].
-    Doubt([f64; MAX_WHEELS]),
+    /// Motor torques of the wheels from now on [N m], and the variance of what they may have done otherwise since the torque before
+    /// [(N m s)^2].
+    Torque([f64; MAX_WHEELS], [f64; MAX_WHEELS]),
     /// A jet's valve is driven for so long \[s\], from now on.
     Pulse(usize, f64),
     /// Moment of the linear mass actuators from now on, body axes [N m].
@@ -36,14 +33,13 @@ pub(crate) enum Input {
 /// Inputs in the order of their times \[ns\].
 pub(crate) type Inputs = VecDeque<(i64, Input)>;
 
-/// How the coordinates of the plant move by a torque of each motor [unit/s per N m].
-pub(crate) type ByMotor = [Vec<f64>; MAX_WHEELS];
-
 /// A cell.
 #[derive(Debug, Clone)]
 pub(crate) struct Cell {
     pub length_s: f64,
-    sums: Sums,
+    /// Sums of readings less their predictions, and their numbers.
+    gyro: [(f64, f64); 3],
+    speed: [(f64, f64); MAX_WHEELS],
     /// In its middle: time since the start of the plant \[s\], attitude, rate [rad/s], wheel speeds [rad/s], hidden states.
     time_s: f64,
     q_world_body: UnitQuaternion<f64>,
@@ -71,9 +67,9 @@ impl Cell {
             };
             present.map(reading).collect::<Vec<_>>()
         };
-        let mut readings = of(Channel::Gyro, &self.sums.gyro, &|axis| gyro[axis]);
+        let mut readings = of(Channel::Gyro, &self.gyro, &|axis| gyro[axis]);
         let speed = sensors.wheel_speed.one_sample_stddev_rad_s();
-        readings.extend(of(Channel::WheelSpeed, &self.sums.speed, &|_| speed));
+        readings.extend(of(Channel::WheelSpeed, &self.speed, &|_| speed));
         readings
     }
 
@@ -122,67 +118,6 @@ fn quiet(model: &PlatformModel, supplies: &Supplies) -> PlatformModel {
     quiet
 }
 
-/// What the plant would read at a stop.
-#[derive(Debug, Clone, Copy)]
-struct Stop {
-    at_ns: i64,
-    gyro_rad_s: Vector3<f64>,
-    speed_rad_s: [f64; MAX_WHEELS],
-}
-
-impl Stop {
-    fn of(plant: &Plant) -> Self {
-        let (gyro_rad_s, _) = plant.imu_reading();
-        Self { at_ns: plant.now_ns(), gyro_rad_s, speed_rad_s: *plant.state().wheel_speed_rad_s() }
-    }
-
-    /// On the line to a later one.
-    fn towards(&self, later: &Self, at_ns: i64) -> (Vector3<f64>, [f64; MAX_WHEELS]) {
-        let share = (at_ns - self.at_ns) as f64 / (later.at_ns - self.at_ns).max(1) as f64;
-        let speed = |j: usize| self.speed_rad_s[j] + share * (later.speed_rad_s[j] - self.speed_rad_s[j]);
-        (self.gyro_rad_s.lerp(&later.gyro_rad_s, share), std::array::from_fn(speed))
-    }
-}
-
-/// A reading that waits for the plant's next stop, with the impulses by which motors were ahead of their mean [N m s].
-type Waiting = (i64, Input, [f64; MAX_WHEELS]);
-
-/// Sums of readings less their predictions, and their numbers.
-#[derive(Debug, Clone, Default)]
-struct Sums {
-    gyro: [(f64, f64); 3],
-    speed: [(f64, f64); MAX_WHEELS],
-}
-
-impl Sums {
-    fn add(&mut self, reading: &Waiting, before: &Stop, after: &Stop, by_motor: &ByMotor, wheels: usize) {
-        let (at_ns, input, ahead_n_m_s) = reading;
-        let (gyro, speeds) = before.towards(after, *at_ns);
-        let ahead = |coordinate: usize| -> f64 {
-            let motors = by_motor.iter().zip(ahead_n_m_s);
-            motors.map(|(by, impulse)| by.get(coordinate).unwrap_or(&0.0) * impulse).sum()
-        };
-        let add = |slot: &mut (f64, f64), difference: f64| {
-            if difference.is_finite() {
-                *slot = (slot.0 + difference, slot.1 + 1.0);
-            }
-        };
-        match input {
-            Input::Gyro(read) => {
-                for axis in 0..3 {
-                    add(&mut self.gyro[axis], read[axis] - gyro[axis] - ahead(RATE.start + axis));
-                }
-            }
-            Input::Speed(read) => {
-                for j in 0..wheels {
-                    add(&mut self.speed[j], read[j] - speeds[j] - ahead(RATE.end + j));
-                }
-            }
-            _ => {}
-        }
-    }
-}
-
 /// The plant, with what drives it.
 #[derive(Debug, Clone)]
 pub(crate) struct Driven {
@@ -190,8 +125,6 @@ pub(crate) struct Driven {
     /// Motor torques now [N m], and how long each jet was open \[s\].
     torque_n_m: [f64; MAX_WHEELS],
     valve_open_s: Vec<f64>,
-    /// Thrust follows valves slowly.
-    lags: bool,
 }
 
 impl Driven {
@@ -209,8 +142,7 @@ impl Driven {
         let plant = Plant::new(&quiet(model, supplies), &start, 0)?;
         let mut plant = plant.with_step_ns(cell_ns).without_random_torque().without_latency();
         supplies.pressure_pa.into_iter().for_each(|measured_pa| plant.set_tank_pressure(measured_pa));
-        let lags = !plant.gyrostat().thrust_lag().is_none();
-        Ok(Self { plant, torque_n_m: [0.0; MAX_WHEELS], valve_open_s: vec![0.0; model.jets().len()], lags })
+        Ok(Self { plant, torque_n_m: [0.0; MAX_WHEELS], valve_open_s: vec![0.0; model.jets().len()] })
     }
 
     /// Keeps the gas at what a sensor reads of it \[Pa\]: small errors of what jets use add up.
@@ -225,146 +157,91 @@ impl Driven {
     ///
     /// # Errors
     /// A motion that is no longer finite.
-    pub fn pass(&mut self, inputs: &mut Inputs, end_ns: i64, by_motor: &ByMotor) -> Result<Cell, PlantError> {
+    pub fn pass(&mut self, inputs: &mut Inputs, end_ns: i64) -> Result<Cell, PlantError> {
         let start_ns = self.plant.now_ns();
-        let (half_ns, length_s) = (start_ns + (end_ns - start_ns) / 2, seconds(end_ns - start_ns));
-        let due = inputs.iter().take_while(|(at_ns, _)| *at_ns <= end_ns).count();
-        let due: Vec<(i64, Input)> =
-            inputs.drain(..due).map(|(at, input)| (at.max(start_ns), input)).collect();
-        let before_n_m = self.torque_n_m;
-        let mean_n_m = self.mean_torque_n_m(&due, start_ns, end_ns);
-        let wheels = self.plant.gyrostat().model().wheels().len().min(MAX_WHEELS);
-        // The platform's own: their number was checked.
-        let _ = self.plant.command_wheels(&mean_n_m[..wheels]);
-        let mut walk = Walk { before: Stop::of(&self.plant), waiting: Vec::new(), sums: Sums::default() };
-        let mut cell = self.empty(length_s, mean_n_m);
-        let (mut torque_n_m, mut since_ns, mut ahead_n_m_s) = (before_n_m, start_ns, [0.0; MAX_WHEELS]);
-        let ahead = |from: &[f64; MAX_WHEELS], torque: &[f64; MAX_WHEELS], for_s: f64| -> [f64; MAX_WHEELS] {
-            std::array::from_fn(|j| from[j] + (torque[j] - mean_n_m[j]) * for_s)
-        };
-        let mut is_half = false;
-        for (at_ns, input) in due {
-            if !is_half && at_ns > half_ns {
-                self.half_way(&mut walk, half_ns, by_motor, &mut cell)?;
-                is_half = true;
-            }
-            match input {
-                Input::Torque(torque) => {
-                    ahead_n_m_s = ahead(&ahead_n_m_s, &torque_n_m, seconds(at_ns - since_ns));
-                    (torque_n_m, since_ns) = (torque, at_ns);
-                }
-                Input::Doubt(variance) => {
-                    let sums = cell.wheel_impulse_variance.iter_mut().zip(variance);
-                    sums.for_each(|(sum, variance)| *sum += variance);
-                }
-                Input::Pulse(jet, on_time_s) => {
-                    let _ = self.plant.command_jet_pulse(jet, at_ns.max(self.plant.now_ns()), on_time_s);
-                }
-                Input::Ballast(moment) => {
-                    walk.stop(&mut self.plant, at_ns, by_motor)?;
-                    self.plant.set_ballast_moment(moment);
-                }
-                Input::Gyro(_) | Input::Speed(_) => {
-                    let ahead_n_m_s = ahead(&ahead_n_m_s, &torque_n_m, seconds(at_ns - since_ns));
-                    if self.lags || self.plant.has_event_before(at_ns) {
-                        walk.stop(&mut self.plant, at_ns, by_motor)?;
-                    }
-                    walk.waiting.push((at_ns, input, ahead_n_m_s));
-                }
-            }
-        }
-        if !is_half {
-            self.half_way(&mut walk, half_ns, by_motor, &mut cell)?;
-        }
-        walk.stop(&mut self.plant, end_ns, by_motor)?;
-        cell.sums = walk.sums;
-        let open_s = self.plant.truth().valve_open_s;
-        for ((share, now_s), before_s) in cell.valve_fraction.iter_mut().zip(&open_s).zip(&self.valve_open_s)
-        {
-            *share = (now_s - before_s) / length_s;
-        }
-        self.valve_open_s = open_s;
-        Ok(cell)
-    }
-
-    /// Mean motor torques of a cell [N m]; the last are in force from then on.
-    fn mean_torque_n_m(&mut self, due: &[(i64, Input)], start_ns: i64, end_ns: i64) -> [f64; MAX_WHEELS] {
-        let mut mean_n_m = [0.0; MAX_WHEELS];
-        let mut since_ns = start_ns;
-        let mut add = |now_n_m: &[f64; MAX_WHEELS], until_ns: i64| {
-            let share = (until_ns - since_ns) as f64 / (end_ns - start_ns) as f64;
-            mean_n_m.iter_mut().zip(now_n_m).for_each(|(mean, now)| *mean += now * share);
-            since_ns = until_ns;
-        };
-        for (at_ns, input) in due {
-            if let Input::Torque(next_n_m) = input {
-                add(&self.torque_n_m, *at_ns);
-                self.torque_n_m = *next_n_m;
-            }
-        }
-        add(&self.torque_n_m, end_ns);
-        mean_n_m
-    }
-
-    fn empty(&self, length_s: f64, wheel_torque_n_m: [f64; MAX_WHEELS]) -> Cell {
-        Cell {
-            length_s,
-            sums: Sums::default(),
+        let half_ns = start_ns + (end_ns - start_ns) / 2;
+        let due = inputs.partition_point(|(at_ns, _)| *at_ns <= end_ns);
+        let (before, behind): (Vec<_>, Vec<_>) =
+            inputs.drain(..due).partition(|(at_ns, _)| *at_ns <= half_ns);
+        let mut cell = Cell {
+            length_s: seconds(end_ns - start_ns),
+            gyro: [(0.0, 0.0); 3],
+            speed: [(0.0, 0.0); MAX_WHEELS],
             time_s: 0.0,
             q_world_body: UnitQuaternion::identity(),
             omega_b_rad_s: Vector3::zeros(),
             wheel_speed_rad_s: [0.0; MAX_WHEELS],
             hidden: Vec::new(),
-            wheel_torque_n_m,
+            wheel_torque_n_m: [0.0; MAX_WHEELS],
             wheel_impulse_variance: [0.0; MAX_WHEELS],
             valve_fraction: [0.0; MAX_JETS],
+        };
+        for (at_ns, input) in before {
+            self.take(&mut cell, at_ns, input)?;
         }
-    }
-
-    fn half_way(
-        &mut self,
-        walk: &mut Walk,
-        half_ns: i64,
-        by_motor: &ByMotor,
-        cell: &mut Cell,
-    ) -> Result<(), PlantError> {
-        walk.stop(&mut self.plant, half_ns, by_motor)?;
+        self.advance(&mut cell, half_ns)?;
         let state = self.plant.state();
         (cell.time_s, cell.q_world_body) = (self.plant.time_s(), state.q_world_body);
         (cell.omega_b_rad_s, cell.wheel_speed_rad_s) = (state.omega_wb_b_rad_s, *state.wheel_speed_rad_s());
         cell.hidden = state.hidden[..self.plant.gyrostat().effects().hidden_states()].to_vec();
+        for (at_ns, input) in behind {
+            self.take(&mut cell, at_ns, input)?;
+        }
+        self.advance(&mut cell, end_ns)?;
+        let open_s = self.plant.truth().valve_open_s;
+        let shares = cell.valve_fraction.iter_mut().zip(open_s.iter().zip(&self.valve_open_s));
+        shares.for_each(|(share, (now_s, before_s))| *share = (now_s - before_s) / cell.length_s);
+        self.valve_open_s = open_s;
+        Ok(cell)
+    }
+
+    /// Goes on with the torques that are in force.
+    fn advance(&mut self, cell: &mut Cell, at_ns: i64) -> Result<(), PlantError> {
+        let now_ns = self.plant.now_ns();
+        if at_ns > now_ns {
+            let share = seconds(at_ns - now_ns) / cell.length_s;
+            let means = cell.wheel_torque_n_m.iter_mut().zip(&self.torque_n_m);
+            means.for_each(|(mean, torque)| *mean += torque * share);
+            self.plant.advance_to(at_ns)?;
+        }
         Ok(())
     }
-}
 
-/// The way of a plant through a cell.
-struct Walk {
-    before: Stop,
-    waiting: Vec<Waiting>,
-    sums: Sums,
-}
-
-impl Walk {
-    /// Takes the plant to its next stop. Where a valve moves on the way the motion is a line to the last reading before, and from there on.
-    fn stop(&mut self, plant: &mut Plant, at_ns: i64, by_motor: &ByMotor) -> Result<(), PlantError> {
-        if let Some((last_ns, ..)) = self.waiting.last().filter(|_| plant.has_event_before(at_ns)) {
-            self.line(plant, *last_ns, by_motor)?;
-        }
-        self.line(plant, at_ns, by_motor)
-    }
-
-    /// Takes it there along a line, and reads what waits for that.
-    fn line(&mut self, plant: &mut Plant, at_ns: i64, by_motor: &ByMotor) -> Result<(), PlantError> {
-        if at_ns <= plant.now_ns() && self.waiting.is_empty() {
+    /// Takes an input in at its time, or now if that has passed.
+    fn take(&mut self, cell: &mut Cell, at_ns: i64, input: Input) -> Result<(), PlantError> {
+        let wheels = self.plant.tangent().wheels().len();
+        // A pulse is carried out when it is due.
+        if let Input::Pulse(jet, on_time_s) = input {
+            let _ = self.plant.command_jet_pulse(jet, at_ns.max(self.plant.now_ns()), on_time_s);
             return Ok(());
         }
-        plant.advance_to(at_ns.max(plant.now_ns()))?;
-        let after = Stop::of(plant);
-        let wheels = plant.tangent().wheels().len();
-        for reading in self.waiting.drain(..) {
-            self.sums.add(&reading, &self.before, &after, by_motor, wheels);
+        self.advance(cell, at_ns)?;
+        let add = |slot: &mut (f64, f64), difference: f64| {
+            if difference.is_finite() {
+                *slot = (slot.0 + difference, slot.1 + 1.0);
+            }
+        };
+        match input {
+            Input::Torque(torque_n_m, variance) => {
+                let sums = cell.wheel_impulse_variance.iter_mut().zip(variance);
+                sums.for_each(|(sum, variance)| *sum += variance);
+                self.torque_n_m = torque_n_m;
+                // The platform's own: their number was checked.
+                let _ = self.plant.command_wheels(&torque_n_m[..wheels]);
+            }
+            Input::Pulse(..) => {}
+            Input::Ballast(moment) => self.plant.set_ballast_moment(moment),
+            Input::Gyro(read) => {
+                let (expected, _) = self.plant.imu_reading();
+                let slots = cell.gyro.iter_mut().zip(read.iter().zip(&expected));
+                slots.for_each(|(slot, (read, expected))| add(slot, read - expected));
+            }
+            Input::Speed(read) => {
+                let expected = self.plant.state().wheel_speed_rad_s();
+                let slots = cell.speed.iter_mut().zip(read.iter().zip(expected)).take(wheels);
+                slots.for_each(|(slot, (read, expected))| add(slot, read - expected));
+            }
         }
-        self.before = after;
         Ok(())
     }
 }
@@ -376,7 +253,6 @@ fn seconds(ns: i64) -> f64 {
 #[cfg(test)]
 mod tests {
     use whorl_dynamics::platform::TiltLimit;
-    use whorl_prediction::{Disturbance, Recursive};
 
     use super::*;
 
@@ -389,7 +265,7 @@ mod tests {
     fn rate_by_a_pulse_rad_s(pressure_pa: f64) -> f64 {
         let after = |inputs: &[(i64, Input)]| {
             let mut driven = driven(pressure_pa);
-            driven.pass(&mut inputs.iter().cloned().collect(), 200_000_000, &Default::default()).unwrap();
+            driven.pass(&mut inputs.iter().cloned().collect(), 200_000_000).unwrap();
             driven.plant.state().omega_wb_b_rad_s
         };
         (after(&[(0, Input::Pulse(0, 0.1))]) - after(&[])).norm()
@@ -441,7 +317,7 @@ mod tests {
                 let torque: [f64; MAX_WHEELS] =
                     std::array::from_fn(|j| 0.05 * ((step * 7 + j as i64) as f64).sin());
                 truth.command_wheels(&torque[..wheels]).unwrap();
-                inputs.push_back((at_ns, Input::Torque(torque)));
+                inputs.push_back((at_ns, Input::Torque(torque, [0.0; MAX_WHEELS])));
             }
             if step % 13 == 5 {
                 let (jet, on_time_s) = (step as usize % 12, 0.02 + 0.001 * (step % 50) as f64);
@@ -451,18 +327,10 @@ mod tests {
             inputs.push_back((at_ns, Input::Gyro(truth.imu_reading().0)));
             inputs.push_back((at_ns, Input::Speed(*truth.state().wheel_speed_rad_s())));
         }
-        let gyrostat = cells.plant.gyrostat();
-        let filter =
-            Recursive::new(gyrostat, &cells.plant, &Disturbance::NONE, Default::default(), (0, 0), 0);
-        let by_motor: ByMotor = std::array::from_fn(|j| {
-            let mut unit = [0.0; MAX_WHEELS];
-            unit[j] = if j < wheels { 1.0 } else { 0.0 };
-            filter.rates_by_torque(&cells.plant, Vector3::zeros(), &unit).to_vec()
-        });
         let gyro_rad_s = model.sensors.gyro.errors.one_sample_stddev().min();
         let speed_rad_s = model.sensors.wheel_speed.one_sample_stddev_rad_s();
         for cell in 1..=9 {
-            let found = cells.pass(&mut inputs, cell * 200_000_000, &by_motor).unwrap();
+            let found = cells.pass(&mut inputs, cell * 200_000_000).unwrap();
             for reading in found.readings(&model.sensors) {
                 let noise = if reading.component.channel == Channel::Gyro { gyro_rad_s } else { speed_rad_s };
                 let mean_noise = noise / 20_f64.sqrt();

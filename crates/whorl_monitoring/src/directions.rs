@@ -2,10 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 use whorl_dynamics::effects::{self, Clues, Effect, Grouping, Need, ParameterSpec, Part, Role, catalogue};
+use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_dynamics::{Gyrostat, GyrostatError, MassProperties, ModelPrior, PlatformModel};
-use whorl_prediction::Perturbed;
+use whorl_prediction::{Difference, InState, Perturbed};
+
+use crate::Settings;
 
 /// Ways of entering with more directions would fit anything.
 pub(crate) const MOST_DIRECTIONS: usize = 4;
@@ -15,6 +18,13 @@ const STEP: f64 = 1e-3;
 const MOMENTS: (f64, f64) = (0.2, 11.0);
 /// The moments of inertia are no effect.
 const MASS_PROPERTIES: &str = "mass_properties";
+/// What no direction is kept from.
+const ANY: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
+/// Usual size of an unmodelled torque, over the background.
+const UNMODELLED: f64 = 10.0;
+
+/// The name of a torque that no effect of the catalogue explains.
+pub const UNKNOWN_TORQUE: &str = "unknown_torque";
 /// How platforms of this kind move at most [rad/s], \[rad\].
 const LARGEST: f64 = 0.1;
 
@@ -31,7 +41,25 @@ pub(crate) struct Direction {
     /// Standard deviation that the catalogue gives it, and what a rig can have of it, in units.
     pub stddev: f64,
     pub range: (f64, f64),
-    pub perturbed: Perturbed,
+    does: Does,
+}
+
+/// What a platform further along a direction does otherwise.
+#[derive(Debug, Clone)]
+enum Does {
+    As(Box<Perturbed>),
+    /// A torque on the body, body axes [N m].
+    Push(Vector3<f64>),
+}
+
+impl Direction {
+    /// In a state, per unit.
+    pub fn in_state(&self, state: &InState<'_>) -> Difference {
+        match &self.does {
+            Does::As(perturbed) => perturbed.in_state(state),
+            Does::Push(torque_b_n_m) => Difference::Torque(*torque_b_n_m, [0.0; MAX_WHEELS]),
+        }
+    }
 }
 
 /// All directions that gyro and wheel speeds of a free platform can show.
@@ -41,13 +69,13 @@ pub(crate) struct Directions {
     /// Constants of the platform first.
     pub all: Vec<Direction>,
     pub constants: usize,
-    /// Effects, each with the directions that it takes together in one of its ways.
+    /// Effects, each with the directions that it takes together in one of its ways. A torque that none of them explains is the last.
     pub ways: Vec<(&'static str, Vec<usize>)>,
 }
 
 impl Directions {
     /// Of a platform. Effects with hidden states are left out: what they do depends on a past that nobody has measured.
-    pub fn of(model: &PlatformModel, prior: &ModelPrior, bin_s: f64) -> Result<Self, GyrostatError> {
+    pub fn of(model: &PlatformModel, prior: &ModelPrior, settings: &Settings) -> Result<Self, GyrostatError> {
         let gyrostat = Gyrostat::new(model)?;
         let mut found = Self { gyrostat, all: Vec::new(), constants: 0, ways: Vec::new() };
         found.add_moments(model, prior);
@@ -55,21 +83,41 @@ impl Directions {
         let in_model = |effect: &&dyn Effect| model.effects.contains_key(effect.info().id);
         let constant = |effect: &&dyn Effect| effect.is_base() || in_model(effect);
         for effect in catalogue().iter().copied().filter(can_show).filter(constant) {
-            for (i, spec) in effect.parameters(model).iter().enumerate().filter(|(_, spec)| !spec.known) {
+            let of = Of::new(model, effect);
+            for (i, spec) in of.specs.iter().enumerate().filter(|(_, spec)| !spec.known) {
                 let stddev = prior.of_parameter(model, effect, spec);
                 if stddev > 0.0 {
-                    found.add_parameter(model, effect, i, spec, stddev);
+                    found.add_parameter(&of, i, stddev);
                 }
             }
         }
         found.constants = found.all.len();
-        let clues =
-            Clues { bin_s, largest_rate_rad_s: LARGEST, largest_tilt_rad: LARGEST, ..Clues::default() };
+        let clues = Clues {
+            bin_s: settings.bin_s,
+            largest_rate_rad_s: LARGEST,
+            largest_tilt_rad: LARGEST,
+            ..Clues::default()
+        };
         for effect in catalogue().iter().copied().filter(can_show) {
             if effect.is_base() || !in_model(&effect) {
-                found.add_ways(model, effect, &clues);
+                found.add_ways(&Of::new(model, effect), &clues);
             }
         }
+        let first = found.all.len();
+        let scale = UNMODELLED * settings.background_torque_n_m;
+        found.all.extend(["torque_x", "torque_y", "torque_z"].into_iter().enumerate().map(|(axis, name)| {
+            Direction {
+                effect: UNKNOWN_TORQUE,
+                parameter: name.to_owned(),
+                unit: "N m",
+                origin: 0.0,
+                scale,
+                stddev: 1.0,
+                range: ANY,
+                does: Does::Push(Vector3::ith(axis, scale)),
+            }
+        }));
+        found.ways.push((UNKNOWN_TORQUE, (first..first + 3).collect()));
         Ok(found)
     }
 
@@ -92,34 +140,51 @@ impl Directions {
         }
     }
 
-    /// One parameter of an effect; where it is.
-    fn add_parameter(
+    /// One parameter of an effect by itself; where it is.
+    fn add_parameter(&mut self, of: &Of<'_>, index: usize, scale: f64) -> Option<usize> {
+        let (spec, origin) = (of.specs.get(index)?, *of.given.get(index)?);
+        let is_it = |d: &Direction| d.effect == of.effect.info().id && d.parameter == spec.name;
+        self.all.iter().position(is_it).or_else(|| {
+            let (name, moves) = (spec.name.clone(), vec![(index, scale)]);
+            let alone = effects::Direction { name, origin: of.given.clone(), moves, squared: false };
+            self.add_along(of, &alone, origin, (spec.prior_stddev / scale).max(1.0))
+        })
+    }
+
+    /// What moves together from a place; the value there that is named, and the deviation that the catalogue gives it, in units.
+    fn add_along(
         &mut self,
-        model: &PlatformModel,
-        effect: &'static dyn Effect,
-        index: usize,
-        spec: &ParameterSpec,
-        scale: f64,
+        of: &Of<'_>,
+        direction: &effects::Direction,
+        origin: f64,
+        stddev: f64,
     ) -> Option<usize> {
-        let id = effect.info().id;
-        let known = self.all.iter().position(|d| d.effect == id && d.parameter == spec.name);
-        if known.is_some() {
-            return known;
+        let (first, scale) = *direction.moves.first().filter(|(_, by)| *by != 0.0)?;
+        let mut range = ANY;
+        for (index, by) in &direction.moves {
+            let (spec, from) = (of.specs.get(*index)?, direction.origin.get(*index)?);
+            if spec.period.is_none() {
+                let (a, b) = ((spec.min - from) / by, (spec.max - from) / by);
+                range = (range.0.max(a.min(b)), range.1.min(a.max(b)));
+            }
         }
-        let values = given(model, effect);
-        let origin = values.get(index).copied()?;
+        if direction.squared {
+            range = (0.0, range.1.max(0.0).powi(2));
+        }
         let moved = |units: f64| {
-            let mut values = values.clone();
-            *values.get_mut(index)? += units * scale;
-            Some(with(model, effect, &values))
+            let along = if direction.squared { units.max(0.0).sqrt() } else { units };
+            let mut values = direction.origin.clone();
+            for (index, by) in &direction.moves {
+                *values.get_mut(*index)? += along * by;
+            }
+            let named = of.specs.iter().zip(&values);
+            let named = named.map(|(spec, value)| (spec.name.clone(), spec.limited(*value)));
+            let mut moved = of.model.clone();
+            moved.effects.insert(of.effect.info().id.to_owned(), named.collect());
+            Some(moved)
         };
-        let range = if spec.period.is_some() {
-            (f64::NEG_INFINITY, f64::INFINITY)
-        } else {
-            ((spec.min - origin) / scale, (spec.max - origin) / scale)
-        };
-        let stddev = (spec.prior_stddev / scale).max(1.0);
-        self.add((id, spec.name.clone(), spec.unit), (origin, scale), stddev, range, &moved)
+        let named = (of.effect.info().id, direction.name.clone(), of.specs.get(first)?.unit);
+        self.add(named, (origin, scale), stddev, range, &moved)
     }
 
     /// A direction, if a body can go along it and it shows.
@@ -134,19 +199,18 @@ impl Directions {
         let inside = [STEP, -STEP].into_iter().filter(|units| (range.0..=range.1).contains(units));
         let perturbed =
             |units: f64| Perturbed::new(Gyrostat::new(&moved(units)?).ok()?, units, &self.gyrostat);
-        let perturbed = inside.filter_map(perturbed).next()?;
-        self.all.push(Direction { effect, parameter, unit, origin, scale, stddev, range, perturbed });
+        let does = Does::As(Box::new(inside.filter_map(perturbed).next()?));
+        self.all.push(Direction { effect, parameter, unit, origin, scale, stddev, range, does });
         Some(self.all.len() - 1)
     }
 
     /// The ways in which an effect that is absent may begin: as it says, or every wheel or jet as a whole, all of them, and what
     /// they have in common: one thing breaks at a time.
-    fn add_ways(&mut self, model: &PlatformModel, effect: &'static dyn Effect, clues: &Clues<'_>) {
-        let id = effect.info().id;
-        let specs = effect.parameters(model);
-        if let Some(starts) = effect.starts(model, clues) {
+    fn add_ways(&mut self, of: &Of<'_>, clues: &Clues<'_>) {
+        let (id, specs) = (of.effect.info().id, &of.specs);
+        if let Some(starts) = of.effect.starts(of.model, clues) {
             for start in starts.into_iter().filter(|start| start.len() <= MOST_DIRECTIONS) {
-                let own = start.iter().map(|direction| self.add_start(model, effect, &specs, direction));
+                let own = start.iter().map(|direction| self.add_along(of, direction, 0.0, 1.0));
                 if let Some(way) = own.collect::<Option<Vec<_>>>().filter(|way| !way.is_empty()) {
                     self.ways.push((id, way));
                 }
@@ -162,55 +226,17 @@ impl Directions {
         if of_parts.len() > 1 {
             ways.push(of_parts.concat());
         }
-        if effect.grouping() != Grouping::All {
+        if of.effect.grouping() != Grouping::All {
             ways.extend(of_parts);
         }
         for way in ways.into_iter().filter(|way| way.len() <= MOST_DIRECTIONS) {
-            let mut add = |i: &usize| {
-                let spec = specs.get(*i)?;
-                let stddev = self.constant_stddev(id, &spec.name).unwrap_or(spec.prior_stddev);
-                self.add_parameter(model, effect, *i, spec, stddev)
-            };
+            let add = |i: &usize| self.add_parameter(of, *i, specs.get(*i)?.prior_stddev);
             // A parameter along which no body can go takes no part.
-            let own: Vec<usize> = way.iter().filter_map(&mut add).collect();
+            let own: Vec<usize> = way.iter().filter_map(add).collect();
             if !own.is_empty() && !self.ways.contains(&(id, own.clone())) {
                 self.ways.push((id, own));
             }
         }
-    }
-
-    fn constant_stddev(&self, id: &str, parameter: &str) -> Option<f64> {
-        let constants = self.all.iter().take(self.constants);
-        constants.into_iter().find(|d| d.effect == id && d.parameter == parameter).map(|d| d.scale)
-    }
-
-    fn add_start(
-        &mut self,
-        model: &PlatformModel,
-        effect: &'static dyn Effect,
-        specs: &[ParameterSpec],
-        direction: &effects::Direction,
-    ) -> Option<usize> {
-        let (first, by) = *direction.moves.first().filter(|(_, by)| *by != 0.0)?;
-        let mut range = (f64::NEG_INFINITY, f64::INFINITY);
-        for (index, by) in &direction.moves {
-            let (spec, from) = (specs.get(*index)?, direction.origin.get(*index)?);
-            let (a, b) = ((spec.min - from) / by, (spec.max - from) / by);
-            range = (range.0.max(a.min(b)), range.1.min(a.max(b)));
-        }
-        if direction.squared {
-            range = (0.0, range.1.max(0.0).powi(2));
-        }
-        let moved = |units: f64| {
-            let along = if direction.squared { units.max(0.0).sqrt() } else { units };
-            let mut values = direction.origin.clone();
-            for (index, by) in &direction.moves {
-                *values.get_mut(*index)? += along * by;
-            }
-            Some(with(model, effect, &values))
-        };
-        let named = (effect.info().id, direction.name.clone(), specs.get(first)?.unit);
-        self.add(named, (0.0, by), 1.0, range, &moved)
     }
 }
 
@@ -225,21 +251,22 @@ fn shows(effect: &dyn Effect, model: &PlatformModel) -> bool {
     effect.hidden_states(model) == 0 && effect.evidence().iter().any(|needs| needs.iter().all(has))
 }
 
-/// Values of an effect: the model's own, else neutral.
-fn given(model: &PlatformModel, effect: &dyn Effect) -> Vec<f64> {
-    let own = model.effects.get(effect.info().id);
-    let value =
-        |spec: &ParameterSpec| own.and_then(|own| own.get(&spec.name)).copied().unwrap_or(spec.neutral);
-    effect.parameters(model).iter().map(value).collect()
+/// An effect of a platform.
+struct Of<'a> {
+    model: &'a PlatformModel,
+    effect: &'static dyn Effect,
+    specs: Vec<ParameterSpec>,
+    /// Values: the model's own, else neutral.
+    given: Vec<f64>,
 }
 
-/// A platform with these values of an effect.
-fn with(model: &PlatformModel, effect: &dyn Effect, values: &[f64]) -> PlatformModel {
-    let mut moved = model.clone();
-    let specs = effect.parameters(model);
-    let named = specs.iter().zip(values).map(|(spec, value)| (spec.name.clone(), spec.limited(*value)));
-    moved.effects.insert(effect.info().id.to_owned(), named.collect());
-    moved
+impl<'a> Of<'a> {
+    fn new(model: &'a PlatformModel, effect: &'static dyn Effect) -> Self {
+        let (own, specs) = (model.effects.get(effect.info().id), effect.parameters(model));
+        let value =
+            |spec: &ParameterSpec| own.and_then(|own| own.get(&spec.name)).copied().unwrap_or(spec.neutral);
+        Self { model, effect, given: specs.iter().map(value).collect(), specs }
+    }
 }
 
 #[cfg(test)]
@@ -248,8 +275,13 @@ mod tests {
 
     fn found() -> (PlatformModel, Directions) {
         let model = PlatformModel::whorl_1_reference();
-        let found = Directions::of(&model, &ModelPrior::typical(&model), 0.2).unwrap();
+        let found = Directions::of(&model, &ModelPrior::typical(&model), &Settings::of(&model)).unwrap();
         (model, found)
+    }
+
+    fn moved(direction: &Direction) -> &Gyrostat {
+        let Does::As(perturbed) = &direction.does else { panic!("{direction:?}") };
+        perturbed.gyrostat()
     }
 
     /// Thrusts and moments of inertia of a moved platform are those written in its direction.
@@ -262,11 +294,10 @@ mod tests {
         let third = place("thruster_strength", "jet_3");
         assert!(third < found.constants && place("thruster_strength", "all") >= found.constants);
         let third = &found.all[third];
-        let (before, after) =
-            (model.jets()[2].thrust_n, third.perturbed.gyrostat().model().jets()[2].thrust_n);
+        let (before, after) = (model.jets()[2].thrust_n, moved(third).model().jets()[2].thrust_n);
         assert!((after / before - 1.0 - third.scale * STEP).abs() < 1e-12);
         let moment = &found.all[place(MASS_PROPERTIES, "izz_kg_m2")];
-        let inertia = moment.perturbed.gyrostat().model().mass_properties.inertia_b_kg_m2()[(2, 2)];
+        let inertia = moved(moment).model().mass_properties.inertia_b_kg_m2()[(2, 2)];
         assert!((inertia - moment.origin - moment.scale * STEP).abs() < 1e-9);
     }
 

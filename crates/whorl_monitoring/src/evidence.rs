@@ -26,13 +26,14 @@
 //! evidence: against a constant that is several times further off than its prior says. It is evaluated as long as the monitor runs,
 //! and with a head start ([`Settings::head_start`]).
 
-use nalgebra::Vector3;
-use whorl_dynamics::gyrostat::MAX_WHEELS;
-use whorl_prediction::{Difference, Window};
+use std::collections::{BTreeMap, BTreeSet};
+
+use whorl_prediction::Window;
 
 use crate::Settings;
-use crate::directions::Directions;
-use crate::ratio::{Estimate, Suspect, estimate, ln_ratio};
+use crate::directions::{Direction, Directions, UNKNOWN_TORQUE};
+use crate::fit::{Likeliest, Parameter};
+use crate::ratio::{Suspect, estimate, ln_ratio};
 use crate::sums::{Constants, Marginal, Sums};
 
 /// Prior sizes of an effect over the catalogue's, each as likely: those of the diagnosis that a run of minutes can tell.
@@ -44,40 +45,13 @@ const SIZES_FROM_START: [f64; 2] = [4.0, 8.0];
 const STARTS: usize = 5;
 const NEWEST: usize = 2;
 const OLD_EVERY: usize = 4;
-/// Usual size of an unmodelled torque, over the background.
-const UNMODELLED: f64 = 10.0;
-
-/// The name of a torque that no effect of the catalogue explains.
-pub const UNKNOWN_TORQUE: &str = "unknown_torque";
-
-/// A suspect and how much speaks for it since one start.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Evaluated {
-    /// The effect.
-    pub effect: &'static str,
-    /// Share of all evidence against the model.
-    pub probability: f64,
-    /// Directions of the likeliest way in which it enters; empty for an unmodelled torque.
-    pub directions: Vec<usize>,
-    /// Estimates along these, and their standard deviations, in units of the directions (of an unmodelled torque: N m).
-    pub estimate: Vec<f64>,
-    /// Their standard deviations.
-    pub stddev: Vec<f64>,
-    /// Data put one of them further beyond what a rig can have than chance does.
-    pub is_beyond: bool,
-    /// Start from which the likeliest way is counted \[ns\].
-    pub since_ns: i64,
-}
-
 /// The running evidence.
 #[derive(Debug, Clone)]
 pub(crate) struct Evidence {
-    effects: Vec<&'static str>,
     /// Those of breaks, and constants that are wrong from the start on.
     suspects: Vec<Suspect>,
     from_start: Vec<Suspect>,
     parameters: usize,
-    unmodelled_n_m: f64,
     settings: Settings,
     constants: Constants,
     first_ns: Option<i64>,
@@ -104,21 +78,10 @@ impl Evidence {
     /// Before the first window, of a filter with so many states.
     #[must_use]
     pub fn new(all: &Directions, states: usize, settings: &Settings) -> Self {
-        let mut effects: Vec<&'static str> = Vec::new();
-        let mut ways: Vec<(usize, Vec<usize>)> = Vec::new();
-        for (id, way) in &all.ways {
-            let effect = effects.iter().position(|known| known == id).unwrap_or_else(|| {
-                effects.push(*id);
-                effects.len() - 1
-            });
-            ways.push((effect, way.clone()));
-        }
-        // An unmodelled torque is as likely as any effect.
-        let first = all.all.len();
-        ways.push((effects.len(), (first..first + 3).collect()));
-        effects.push(UNKNOWN_TORQUE);
+        // A torque that nothing explains is as likely as any effect.
+        let effects: BTreeSet<&str> = all.ways.iter().map(|(effect, _)| *effect).collect();
         let mut pairs: Vec<(usize, usize)> = Vec::new();
-        let mut suspect = |(effect, columns): &(usize, Vec<usize>)| {
+        let mut suspect = |(effect, columns): &(&'static str, Vec<usize>)| {
             let mut products = Vec::new();
             for (k, b) in columns.iter().enumerate() {
                 for a in columns.iter().take(k + 1) {
@@ -129,22 +92,21 @@ impl Evidence {
                     products.push(place);
                 }
             }
-            let of_effect = ways.iter().filter(|(other, _)| other == effect).count();
+            let of_effect = all.ways.iter().filter(|(other, _)| other == effect).count();
             Suspect {
-                effect: *effect,
+                effect,
                 columns: columns.clone(),
                 products,
-                stddev: columns.iter().map(|k| all.all.get(*k).map_or(1.0, |d| d.stddev)).collect(),
-                range: columns.iter().map(|k| all.all.get(*k).map_or(ANY, |d| d.range)).collect(),
+                stddev: columns.iter().map(|k| all.all[*k].stddev).collect(),
+                range: columns.iter().map(|k| all.all[*k].range).collect(),
                 sizes: &SIZES,
                 ln_prior: -((effects.len() * of_effect) as f64).ln(),
             }
         };
-        let suspects: Vec<Suspect> = ways.iter().map(&mut suspect).collect();
+        let suspects: Vec<Suspect> = all.ways.iter().map(&mut suspect).collect();
         Self {
             from_start: wrong_from_start(&suspects, all.constants, settings.head_start()),
-            parameters: first + 3,
-            unmodelled_n_m: UNMODELLED * settings.background_torque_n_m,
+            parameters: all.all.len(),
             settings: settings.clone(),
             constants: Constants::new(states, all.constants),
             first_ns: None,
@@ -154,7 +116,6 @@ impl Evidence {
             found: Vec::new(),
             alone: None,
             windows: 0,
-            effects,
             suspects,
             pairs,
         }
@@ -163,11 +124,6 @@ impl Evidence {
     /// Pairs of parameters of which what they do together is needed.
     pub fn pairs(&self) -> &[(usize, usize)] {
         &self.pairs
-    }
-
-    /// What an unmodelled torque does, about each axis.
-    pub fn unmodelled(&self) -> [Difference; 3] {
-        [0, 1, 2].map(|axis| Difference::Torque(Vector3::ith(axis, self.unmodelled_n_m), [0.0; MAX_WHEELS]))
     }
 
     /// What is known of the platform's constants.
@@ -244,56 +200,59 @@ impl Evidence {
         suspect.ln_prior + ln_sum(suspect.sizes.iter().map(ratio)) - (suspect.sizes.len() as f64).ln()
     }
 
-    /// All suspects since each start.
-    fn terms(&self) -> impl Iterator<Item = (f64, &Suspect, i64, &Marginal)> {
-        let breaks = self.found.iter().map(|found| (&self.suspects, found));
-        let all = breaks.chain(self.alone.iter().map(|found| (&self.from_start, found)));
-        all.flat_map(|(suspects, found)| suspects.iter().map(move |suspect| (suspect, found)))
-            .map(|(suspect, found)| (self.ln_term(suspect, &found.sums), suspect, found.at_ns, &found.sums))
-    }
-
     /// ln of the sum over starts of the mean likelihood ratios over suspects \[nats\]; minus infinity without any.
     #[must_use]
     pub fn ln_evidence(&self) -> f64 {
         ln_sum(self.found.iter().chain(&self.alone).map(|found| found.ln))
     }
 
-    /// The effects by how much speaks for them, the likeliest first.
+    /// The effect for which most speaks, of those that are directions of this list.
     #[must_use]
-    pub fn evaluated(&self) -> Vec<Evaluated> {
-        let mut best: Vec<Option<(f64, &Suspect, i64, &Marginal)>> = vec![None; self.effects.len()];
-        let (mut share, total) = (vec![0.0; self.effects.len()], self.ln_evidence());
-        for term in self.terms() {
-            let (ln, Suspect { effect, .. }, ..) = term;
-            share[*effect] += (ln - total).exp();
-            let slot = &mut best[*effect];
-            if slot.is_none_or(|(so_far, ..)| ln > so_far) {
-                *slot = Some(term);
-            }
+    pub fn likeliest(&self, directions: &[Direction]) -> Option<Likeliest> {
+        let total = self.ln_evidence();
+        let breaks = self.found.iter().map(|found| (&self.suspects, found));
+        let all = breaks.chain(self.alone.iter().map(|found| (&self.from_start, found)));
+        // Of each effect its share of all evidence, and its likeliest way.
+        let mut effects: BTreeMap<&str, (f64, f64, &Suspect, &Found)> = BTreeMap::new();
+        for (suspect, found) in all.flat_map(|(list, found)| list.iter().map(move |one| (one, found))) {
+            let ln = self.ln_term(suspect, &found.sums);
+            let best = effects.entry(suspect.effect).or_insert((0.0, ln, suspect, found));
+            let share = best.0 + (ln - total).exp();
+            *best = if ln > best.1 { (share, ln, suspect, found) } else { (share, best.1, best.2, best.3) };
         }
-        let of = best.iter().zip(&share).zip(&self.effects);
-        let evaluated = of.filter_map(|((best, probability), effect)| {
-            let (_, suspect, since_ns, sums) = (*best)?;
-            let unit = if *effect == UNKNOWN_TORQUE { self.unmodelled_n_m } else { 1.0 };
-            let Estimate { values, stddevs, is_beyond } = estimate(suspect, sums, unit)?;
-            Some(Evaluated {
-                effect,
-                probability: *probability,
-                directions: suspect.columns.clone(),
-                estimate: values,
-                stddev: stddevs,
-                is_beyond,
-                since_ns,
-            })
+        let estimated = effects.into_values().filter_map(|(share, _, suspect, found)| {
+            let (numbers, is_beyond) = estimate(suspect, &found.sums)?;
+            Some((share, suspect, found.at_ns, numbers, is_beyond))
         });
-        let mut evaluated: Vec<Evaluated> = evaluated.collect();
-        evaluated.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        evaluated
+        let mut all: Vec<_> = estimated.collect();
+        all.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut first = all.first()?;
+        let mut probability = first.0;
+        // A value beyond what a rig can have is no effect's own: it follows something that has no name here.
+        if first.4
+            && let Some(unmodelled) = all.iter().find(|one| one.1.effect == UNKNOWN_TORQUE)
+        {
+            first = unmodelled;
+            let without_name = all.iter().filter(|one| one.4 || one.1.effect == UNKNOWN_TORQUE);
+            probability = without_name.map(|one| one.0).sum();
+        }
+        let (_, suspect, since_ns, numbers, _) = first;
+        let own = suspect.columns.iter().filter_map(|k| directions.get(*k)).zip(numbers);
+        let parameters = own.map(|(direction, (estimate, stddev))| Parameter {
+            name: direction.parameter.clone(),
+            estimate: direction.origin + estimate * direction.scale,
+            stddev: stddev * direction.scale,
+            unit: direction.unit.to_owned(),
+        });
+        Some(Likeliest {
+            effect: suspect.effect.to_owned(),
+            probability: probability.min(1.0),
+            parameters: parameters.collect(),
+            since_ns: *since_ns,
+        })
     }
 }
 
-/// What no direction is kept from.
-const ANY: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 /// The platform's own constants, each alone, further off than their priors say: together as likely as breaks from so many
 /// starts on.
 fn wrong_from_start(ways: &[Suspect], constants: usize, head_start: f64) -> Vec<Suspect> {

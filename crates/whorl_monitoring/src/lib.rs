@@ -32,8 +32,8 @@ mod sums;
 mod watch;
 
 pub use cells::Supplies;
+pub use directions::UNKNOWN_TORQUE;
 pub use error::MonitorError;
-pub use evidence::UNKNOWN_TORQUE;
 pub use fit::{Fit, Likeliest, Parameter, State};
 pub use monitor::Monitor;
 pub use settings::Settings;

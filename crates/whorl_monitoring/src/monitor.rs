@@ -11,8 +11,7 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use crate::Settings;
 use crate::cells::{Driven, Input, Inputs, Supplies};
 use crate::error::MonitorError;
-use crate::evidence::UNKNOWN_TORQUE;
-use crate::fit::{Fit, Likeliest, Parameter, State};
+use crate::fit::{Fit, State};
 use crate::gas::Gas;
 use crate::sources::{GAP_S, Hole, Source, Sources, WheelTorque};
 use crate::watch::Watch;
@@ -38,7 +37,7 @@ struct Valves {
 pub struct Monitor {
     model: PlatformModel,
     settings: Settings,
-    watch: Watch,
+    pub(crate) watch: Watch,
     driven: Option<Driven>,
     inputs: Inputs,
     attitudes: VecDeque<(i64, UnitQuaternion<f64>, Vector3<f64>)>,
@@ -130,26 +129,16 @@ impl Monitor {
         if speed_rad_s.len() != wheels || torque_n_m.len() != wheels || !finite {
             return;
         }
-        let fill = |numbers: &[f64]| {
-            let mut all = [0.0; MAX_WHEELS];
-            all.iter_mut().zip(numbers).for_each(|(slot, x)| *slot = *x);
-            all
-        };
+        let fill = |numbers: &[f64]| std::array::from_fn(|j| numbers.get(j).copied().unwrap_or(0.0));
         let usual_s = self.sources.usual_s(Source::Wheels);
         let since_s = self.heard(Source::Wheels, stamp_ns);
         let torque = fill(torque_n_m);
-        match since_s {
-            Some(since_s) => {
-                let doubt = self.wheel_torque.took_force(&torque, since_s, usual_s);
-                let since_ns = stamp_ns - ns(since_s);
-                self.push(since_ns, Input::Torque(torque));
-                self.push(since_ns, Input::Doubt(doubt));
-            }
-            None => {
-                self.wheel_torque.is(&torque);
-                self.push(stamp_ns, Input::Torque(torque));
-            }
+        let doubt = since_s.map(|since_s| self.wheel_torque.took_force(&torque, since_s, usual_s));
+        if doubt.is_none() {
+            self.wheel_torque.is(&torque);
         }
+        let from_ns = stamp_ns - ns(since_s.unwrap_or(0.0));
+        self.push(from_ns, Input::Torque(torque, doubt.unwrap_or_default()));
         self.push(stamp_ns, Input::Speed(fill(speed_rad_s)));
         self.compare();
     }
@@ -329,7 +318,7 @@ impl Monitor {
     /// How well the model fits now. Sums begin anew.
     pub fn fit(&mut self, now_ns: i64) -> Fit {
         let newest = self.watch.newest();
-        let ln_evidence = self.watch.evidence().ln_evidence();
+        let ln_evidence = self.watch.evidence.ln_evidence();
         let limit = self.settings.limit_nats();
         self.alarmed |= ln_evidence >= limit;
         let state = match (self.alarmed, self.broken || !self.watch.is_settled()) {
@@ -345,63 +334,16 @@ impl Monitor {
             wheel_speed: newest.wheel_speed,
             squares: newest.squares,
             ln_evidence,
-            likeliest: if self.alarmed { self.likeliest() } else { None },
+            likeliest: if self.alarmed { self.watch.likeliest() } else { None },
             hole: self.hole.filter(|_| state == State::Waiting),
             holes: self.holes,
         }
-    }
-
-    /// Standard deviation of the motors' torque noise over that of the settings, as far as it is learned.
-    #[must_use]
-    pub fn motor_noise_over_assumed(&self) -> f64 {
-        self.watch.motor_noise_share().sqrt()
     }
 
     /// The evidence that is an alarm \[nats\].
     #[must_use]
     pub fn limit_nats(&self) -> f64 {
         self.settings.limit_nats()
-    }
-
-    fn likeliest(&self) -> Option<Likeliest> {
-        let all = self.watch.evidence().evaluated();
-        let mut first = all.first()?;
-        let mut probability = first.probability;
-        // A value beyond what a rig can have is no effect's own: it follows something that has no name here.
-        if first.is_beyond
-            && let Some(unmodelled) = all.iter().find(|one| one.effect == UNKNOWN_TORQUE)
-        {
-            first = unmodelled;
-            let without_name = all.iter().filter(|one| one.is_beyond || one.effect == UNKNOWN_TORQUE);
-            probability = without_name.map(|one| one.probability).sum();
-        }
-        let numbers = first.estimate.iter().zip(&first.stddev);
-        let parameters = if first.effect == UNKNOWN_TORQUE {
-            let named = ["torque_x", "torque_y", "torque_z"].into_iter().zip(numbers);
-            named
-                .map(|(name, (estimate, stddev))| Parameter {
-                    name: name.to_owned(),
-                    estimate: *estimate,
-                    stddev: *stddev,
-                    unit: "N m".to_owned(),
-                })
-                .collect()
-        } else {
-            let own = first.directions.iter().filter_map(|k| self.watch.directions().get(*k)).zip(numbers);
-            own.map(|(direction, (estimate, stddev))| Parameter {
-                name: direction.parameter.clone(),
-                estimate: direction.origin + estimate * direction.scale,
-                stddev: stddev * direction.scale,
-                unit: direction.unit.to_owned(),
-            })
-            .collect()
-        };
-        Some(Likeliest {
-            effect: first.effect.to_owned(),
-            probability: probability.min(1.0),
-            parameters,
-            since_ns: first.since_ns,
-        })
     }
 }
 

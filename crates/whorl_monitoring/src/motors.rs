@@ -165,7 +165,7 @@ mod tests {
             [(1.0 / 30.0, 10.0), (0.1, 3.0), (1.0 / 3.0, 2.0), (1.0, 1.5), (3.0, 1.5)]
         {
             let (monitor, mean_square) = watched(assumed * over_assumed, 130.0);
-            let ratio = monitor.motor_noise_over_assumed() / over_assumed;
+            let ratio = monitor.watch.motors.share().sqrt() / over_assumed;
             assert!(ratio > 1.0 / tolerance && ratio < tolerance, "{over_assumed}: {ratio} times the truth");
             assert!((mean_square - 1.0).abs() < 0.2, "{over_assumed}: mean square {mean_square}");
         }

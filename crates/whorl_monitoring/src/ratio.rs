@@ -1,6 +1,6 @@
 //! How much speaks for one suspect: its likelihood ratio, as far as a rig can be like that.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, Const, SMatrix, SVector};
 use whorl_math::statistics::normal_probability;
 
 use crate::directions::MOST_DIRECTIONS;
@@ -9,7 +9,7 @@ use crate::sums::Marginal;
 /// One suspect: its columns among those that are followed.
 #[derive(Debug, Clone)]
 pub(crate) struct Suspect {
-    pub effect: usize,
+    pub effect: &'static str,
     pub columns: Vec<usize>,
     /// Places of the products of its columns among those that are summed: (0, 0), (0, 1), (1, 1), (0, 2) and so on.
     pub products: Vec<usize>,
@@ -26,22 +26,27 @@ const NO_EVIDENCE: f64 = 1.0;
 /// Of a size with less information than this over its prior nothing is known: the ratio is one.
 const NO_INFORMATION: f64 = 1e-3;
 
-type Matrix = [[f64; MOST_DIRECTIONS]; MOST_DIRECTIONS];
-type Vector = [f64; MOST_DIRECTIONS];
+type Matrix = SMatrix<f64, MOST_DIRECTIONS, MOST_DIRECTIONS>;
+type Vector = SVector<f64, MOST_DIRECTIONS>;
 
-/// I + V^1/2 A V^1/2, lower triangle, and V^1/2 z.
-fn scaled(suspect: &Suspect, sums: &Marginal, size: f64) -> (Matrix, Vector) {
-    let (mut information, mut score) = ([[0.0; MOST_DIRECTIONS]; MOST_DIRECTIONS], [0.0; MOST_DIRECTIONS]);
+/// The factor of I + V^1/2 G V^1/2, and V^1/2 g; columns that a suspect has not are those of the identity. `None` where numbers are not
+/// finite.
+fn scaled(
+    suspect: &Suspect,
+    sums: &Marginal,
+    size: f64,
+) -> Option<(Cholesky<f64, Const<MOST_DIRECTIONS>>, Vector)> {
+    let (mut information, mut score) = (Matrix::identity(), Vector::zeros());
     let mut products = suspect.products.iter();
     for (i, column) in suspect.columns.iter().enumerate().take(MOST_DIRECTIONS) {
         let s_i = suspect.stddev[i] * size;
         score[i] = s_i * sums.slope[*column];
         for (j, place) in products.by_ref().take(i + 1).enumerate() {
-            information[i][j] = s_i * sums.pairs[*place] * suspect.stddev[j] * size;
+            // Of a symmetric matrix the lower triangle is read.
+            information[(i, j)] += s_i * sums.pairs[*place] * suspect.stddev[j] * size;
         }
-        information[i][i] += 1.0;
     }
-    (information, score)
+    Some((information.cholesky()?, score))
 }
 
 /// ln of a suspect's likelihood ratio if its effect has this size, while readings that are off by so many standard deviations
@@ -56,52 +61,27 @@ fn ln_ratio_from(least: f64, suspect: &Suspect, sums: &Marginal, size: f64, syst
     if suspect.columns.iter().zip(&suspect.stddev).map(known).sum::<f64>() < NO_INFORMATION {
         return 0.0;
     }
-    let (mut lower, mut y) = scaled(suspect, sums, size);
-    let (mut determinant, mut squares) = (1.0, 0.0);
-    let count = suspect.columns.len().min(MOST_DIRECTIONS);
-    // Cholesky's factor and the forward substitution, row by row.
-    for i in 0..count {
-        for j in 0..i {
-            let (of_i, of_j) = (lower[i], lower[j]);
-            let products = of_i.iter().zip(&of_j).take(j);
-            lower[i][j] = products.fold(of_i[j], |sum, (a, b)| sum - a * b) / of_j[j];
-            y[i] -= lower[i][j] * y[j];
-        }
-        let pivot = lower[i][i] - (0..i).map(|k| lower[i][k] * lower[i][k]).sum::<f64>();
-        // The identity plus a product with itself has no zero; numbers that are not finite speak for nothing.
-        if !(pivot > 0.0 && pivot.is_finite()) {
-            return f64::NEG_INFINITY;
-        }
-        determinant *= pivot;
-        lower[i][i] = pivot.sqrt();
-        y[i] /= lower[i][i];
-        squares += y[i] * y[i];
+    // Numbers that are not finite speak for nothing.
+    let Some((factor, score)) = scaled(suspect, sums, size) else { return f64::NEG_INFINITY };
+    let lower = factor.l_dirty();
+    let Some(half) = lower.solve_lower_triangular(&score) else { return f64::NEG_INFINITY };
+    let left = (half.norm() - systematic_sigma * spread(suspect, sums).sqrt()).max(0.0);
+    let ln = 0.5 * left * left - lower.diagonal().product().ln();
+    if !ln.is_finite() {
+        return f64::NEG_INFINITY;
     }
-    let left = (squares.sqrt() - systematic_sigma * spread(suspect, sums).sqrt()).max(0.0);
-    let ln = 0.5 * (left * left - determinant.ln());
-    if ln < least { ln } else { ln + ln_possible(suspect, &lower, &y, count, size) }
+    if ln < least { ln } else { ln + ln_possible(suspect, &factor, &score, size) }
 }
 
 /// ln of the chance that what was found is what a rig can have, of the parameter with the smallest. With one parameter over the
 /// chance that it had before: the ratio of a prior that ends there. With several the ratio is a little smaller than that.
-fn ln_possible(suspect: &Suspect, lower: &Matrix, y: &Vector, count: usize, size: f64) -> f64 {
-    // Back substitution, and the rows of the inverse.
-    let mut mean = *y;
-    let mut inverse = [[0.0; MOST_DIRECTIONS]; MOST_DIRECTIONS];
-    for i in (0..count).rev() {
-        for k in i + 1..count {
-            mean[i] -= lower[k][i] * mean[k];
-        }
-        mean[i] /= lower[i][i];
-    }
-    for i in 0..count {
-        inverse[i][i] = 1.0 / lower[i][i];
-        let (above, row) = inverse.split_at_mut(i);
-        for (j, slot) in row[0].iter_mut().enumerate().take(i) {
-            let sum: f64 = (j..i).map(|k| lower[i][k] * above[k][j]).sum();
-            *slot = -sum / lower[i][i];
-        }
-    }
+fn ln_possible(
+    suspect: &Suspect,
+    factor: &Cholesky<f64, Const<MOST_DIRECTIONS>>,
+    score: &Vector,
+    size: f64,
+) -> f64 {
+    let (mean, covariance) = (factor.solve(score), factor.inverse());
     let within = |(low, high): (f64, f64), mean: f64, stddev: f64| {
         // From the nearer end: a difference of two chances near one has no digits.
         let (below, above) =
@@ -111,12 +91,12 @@ fn ln_possible(suspect: &Suspect, lower: &Matrix, y: &Vector, count: usize, size
         let inside = if below > 0.5 { inside_low - above } else { inside_high - below };
         inside.max(f64::MIN_POSITIVE)
     };
+    let count = suspect.columns.len().min(MOST_DIRECTIONS);
     let mut ln = 0.0;
     for (i, range) in suspect.range.iter().enumerate().take(count) {
         let unit = suspect.stddev[i] * size;
         let range = (range.0 / unit, range.1 / unit);
-        let stddev = (i..count).map(|k| inverse[k][i] * inverse[k][i]).sum::<f64>().sqrt();
-        let now = within(range, mean[i], stddev);
+        let now = within(range, mean[i], covariance[(i, i)].sqrt());
         if count == 1 {
             return (now / within(range, 0.0, 1.0)).ln();
         }
@@ -130,43 +110,29 @@ fn spread(suspect: &Suspect, sums: &Marginal) -> f64 {
     suspect.columns.iter().map(|column| sums.spread[*column]).fold(0.0, f64::max)
 }
 
-/// Estimates of a suspect's columns.
-pub(crate) struct Estimate {
-    pub values: Vec<f64>,
-    pub stddevs: Vec<f64>,
-    /// Data put one of them further beyond what a rig can have than chance does.
-    pub is_beyond: bool,
-}
-
 /// Deviations beyond an end of a range that are no chance: a jet that is dead is at its end, and an estimate scatters about it.
 const BEYOND_STDDEVS: f64 = 3.0;
 
-/// Estimates of a suspect's columns and their standard deviations, times a factor.
-pub(crate) fn estimate(suspect: &Suspect, sums: &Marginal, factor: f64) -> Option<Estimate> {
+/// Estimates of a suspect's columns and their standard deviations, and whether data put one of them further beyond what a rig can
+/// have than chance does.
+pub(crate) fn estimate(suspect: &Suspect, sums: &Marginal) -> Option<(Vec<(f64, f64)>, bool)> {
     let ratio = |size: f64| ln_ratio(suspect, sums, size, 0.0);
     let best = suspect.sizes.iter().copied().max_by(|a, b| ratio(*a).total_cmp(&ratio(*b)))?;
-    let (lower, score) = scaled(suspect, sums, best);
-    let count = suspect.columns.len();
-    let information = DMatrix::from_fn(count, count, |i, j| lower[i.max(j)][i.min(j)]);
-    let cholesky = information.cholesky()?;
-    let score = DVector::from_fn(count, |i, _| score[i]);
-    let (mean, covariance) = (cholesky.solve(&score), cholesky.inverse());
-    let s = |i: usize| suspect.stddev[i] * best;
-    let range = |i: usize| suspect.range.get(i).copied().unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
-    let value = |i: usize| mean[i] * s(i);
-    let kept = |i: usize| value(i).max(range(i).0).min(range(i).1) * factor;
-    let stddev = |i: usize| covariance[(i, i)].sqrt() * s(i);
-    let beyond = |i: usize| (range(i).0 - value(i)).max(value(i) - range(i).1);
-    Some(Estimate {
-        values: (0..count).map(kept).collect(),
-        stddevs: (0..count).map(|i| stddev(i) * factor).collect(),
-        is_beyond: (0..count).any(|i| beyond(i) > BEYOND_STDDEVS * stddev(i)),
-    })
+    let (factor, score) = scaled(suspect, sums, best)?;
+    let (mean, covariance) = (factor.solve(&score), factor.inverse());
+    let mut is_beyond = false;
+    let of = suspect.stddev.iter().zip(&suspect.range).enumerate().take(MOST_DIRECTIONS);
+    let numbers = of.map(|(i, (stddev, (low, high)))| {
+        let (value, stddev) = (mean[i] * stddev * best, covariance[(i, i)].sqrt() * stddev * best);
+        is_beyond |= (low - value).max(value - high) > BEYOND_STDDEVS * stddev;
+        (value.max(*low).min(*high), stddev)
+    });
+    Some((numbers.collect(), is_beyond))
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::DMatrix;
+    use nalgebra::{DMatrix, DVector};
 
     use super::*;
 
@@ -176,7 +142,7 @@ mod tests {
         let columns: Vec<usize> = (0..count).collect();
         let products = (0..count * (count + 1) / 2).collect();
         Suspect {
-            effect: 0,
+            effect: "drag",
             columns,
             products,
             stddev: vec![stddev; count],
@@ -234,13 +200,15 @@ mod tests {
     fn an_estimate_beyond_its_range_is_told() {
         let sums = sums(&[100.0], &[50.0]);
         let of = |most: f64| {
-            estimate(&Suspect { range: vec![(-most, most)], ..suspect(1, 1.0) }, &sums, 1.0).unwrap()
+            let (numbers, is_beyond) =
+                estimate(&Suspect { range: vec![(-most, most)], ..suspect(1, 1.0) }, &sums).unwrap();
+            (numbers[0].0, is_beyond)
         };
         // 100/(50 + 1) = 1.96 +- 0.14.
         let (free, close, kept) = (of(3.0), of(1.8), of(0.3));
-        assert!(!free.is_beyond && (free.values[0] - 100.0 / 51.0).abs() < 1e-12);
-        assert!(!close.is_beyond && close.values[0] == 1.8);
-        assert!(kept.is_beyond && kept.values[0] == 0.3);
+        assert!(!free.1 && (free.0 - 100.0 / 51.0).abs() < 1e-12);
+        assert!(close == (1.8, false));
+        assert!(kept == (0.3, true));
     }
 
     /// One column with a range: the integral over the part of the prior that a rig can have.

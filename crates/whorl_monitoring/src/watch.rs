@@ -10,11 +10,15 @@ use whorl_prediction::{Disturbance, RandomTorque, Reading, Recursive};
 use whorl_recording::Channel;
 
 use crate::Settings;
-use crate::cells::{ByMotor, Cell, Driven, Inputs, Supplies};
-use crate::directions::{Direction, Directions};
+use crate::cells::{Cell, Driven, Inputs, Supplies};
+use crate::directions::Directions;
 use crate::error::MonitorError;
 use crate::evidence::Evidence;
+use crate::fit::Likeliest;
 use crate::motors::{HELD_RAD_S, MotorNoise, STICKING_S, Turning};
+
+/// How the coordinates of the plant move by a torque of each motor [unit/s per N m].
+type ByMotor = Vec<Vec<f64>>;
 
 /// Uncertainty of a motion of which nothing is known: rate [rad/s], wheel speed [rad/s].
 const ANY_RATE_RAD_S: f64 = 0.2;
@@ -44,8 +48,8 @@ pub(crate) struct Watch {
     settings: Settings,
     directions: Directions,
     filter: Recursive,
-    motors: MotorNoise,
-    evidence: Evidence,
+    pub motors: MotorNoise,
+    pub evidence: Evidence,
     settling: u32,
     /// Begin of the present window \[ns\].
     window_ns: Option<i64>,
@@ -60,7 +64,7 @@ impl fmt::Debug for Watch {
 
 impl Watch {
     pub fn new(model: &PlatformModel, prior: &ModelPrior, settings: &Settings) -> Result<Self, MonitorError> {
-        let directions = Directions::of(model, prior, settings.bin_s)?;
+        let directions = Directions::of(model, prior, settings)?;
         let plant = Driven::new(model, &Supplies::default(), 0, ns(settings.bin_s))?.plant;
         let torque = settings.background_torque_n_m;
         let disturbance = Disturbance {
@@ -68,19 +72,20 @@ impl Watch {
             motors_n_m: model.wheels().iter().map(|wheel| WHEEL_TORQUE * wheel.max_torque_n_m).collect(),
             motors_correlation_s: settings.background_time_s,
         };
-        let all = directions.all.len();
-        let within = |way: &&Vec<usize>| way.iter().all(|k| *k >= directions.constants);
+        // Of ways that are not constants: how far their columns are apart.
+        let effects =
+            directions.ways.iter().filter(|(_, way)| way.iter().all(|k| *k >= directions.constants));
         let width =
-            |way: &Vec<usize>| way.iter().max().zip(way.iter().min()).map_or(0, |(last, first)| last - first);
-        let apart = directions.ways.iter().map(|(_, way)| way).filter(within).map(width).max().unwrap_or(0);
-        let parameters = (directions.constants, all + 3);
+            |way: &[usize]| way.iter().max().zip(way.iter().min()).map_or(0, |(last, first)| last - first);
+        let apart = effects.map(|(_, way)| width(way)).max().unwrap_or(0);
+        let parameters = (directions.constants, directions.all.len());
         let mut filter = Recursive::new(
             &directions.gyrostat,
             &plant,
             &disturbance,
             whorl_prediction::Settings::default(),
             parameters,
-            apart.max(2) + 1,
+            apart + 1,
         );
         let gyro = &model.sensors.gyro.errors;
         for (axis, i) in filter.layout().gyro_bias().enumerate() {
@@ -106,23 +111,14 @@ impl Watch {
         })
     }
 
-    pub fn evidence(&self) -> &Evidence {
-        &self.evidence
-    }
-
-    /// The directions, in the order of the evidence.
-    pub fn directions(&self) -> &[Direction] {
-        &self.directions.all
+    /// The likeliest single effect.
+    pub fn likeliest(&self) -> Option<Likeliest> {
+        self.evidence.likeliest(&self.directions.all)
     }
 
     /// The motion is found, so that something can be concluded.
     pub fn is_settled(&self) -> bool {
         self.settling == 0
-    }
-
-    /// Variance of the motors' noise over that of the settings.
-    pub fn motor_noise_share(&self) -> f64 {
-        self.motors.share()
     }
 
     /// The newest cells; squares begin anew.
@@ -169,19 +165,25 @@ impl Watch {
         }
         let start_ns = driven.plant.now_ns();
         let by_motor = self.by_motor(&driven.plant);
-        let Ok(cell) = driven.pass(inputs, end_ns, &by_motor) else { return false };
+        let Ok(cell) = driven.pass(inputs, end_ns) else { return false };
         let readings = cell.readings(&self.model.sensors);
         if readings.is_empty() {
             return false;
         }
         self.settling = self.settling.saturating_sub(1);
         if self.is_settled() && self.window_ns.is_none() {
-            self.begin_window(start_ns);
+            self.filter.window(&[]);
+            self.evidence.begin(start_ns);
+            self.window_ns = Some(start_ns);
         }
         let half_ns = (end_ns - start_ns) / 2;
         self.filter.rest();
         if self.window_ns.is_some() {
-            self.push(&driven.plant, &cell, half_ns as f64 * 1e-9);
+            // What parameters do in the cell.
+            let state = cell.in_state(&driven.plant);
+            for (k, direction) in self.directions.all.iter().enumerate() {
+                self.filter.push(&driven.plant, k, &direction.in_state(&state), half_ns as f64 * 1e-9);
+            }
         }
         self.filter.follow(&driven.plant, half_ns);
         let noise = self.add_random(&driven.plant, &cell, &by_motor);
@@ -200,21 +202,13 @@ impl Watch {
     }
 
     fn by_motor(&self, plant: &Plant) -> ByMotor {
-        let motors = self.model.wheels().len().min(MAX_WHEELS);
-        std::array::from_fn(|j| {
-            if j >= motors {
-                return Vec::new();
-            }
-            let mut unit = [0.0; MAX_WHEELS];
-            unit[j] = 1.0;
-            self.filter.rates_by_torque(plant, Vector3::zeros(), &unit).to_vec()
-        })
-    }
-
-    fn begin_window(&mut self, at_ns: i64) {
-        self.filter.window(&[]);
-        self.evidence.begin(at_ns);
-        self.window_ns = Some(at_ns);
+        (0..self.model.wheels().len().min(MAX_WHEELS))
+            .map(|j| {
+                let mut unit = [0.0; MAX_WHEELS];
+                unit[j] = 1.0;
+                self.filter.rates_by_torque(plant, Vector3::zeros(), &unit).to_vec()
+            })
+            .collect()
     }
 
     fn end_window(&mut self) {
@@ -224,20 +218,9 @@ impl Watch {
         }
     }
 
-    /// What parameters do in a cell, over steps of this length \[s\].
-    fn push(&mut self, plant: &Plant, cell: &Cell, step_s: f64) {
-        let state = cell.in_state(plant);
-        for (k, direction) in self.directions.all.iter().enumerate() {
-            self.filter.push(plant, k, &direction.perturbed.in_state(&state), step_s);
-        }
-        for (axis, torque) in self.evidence.unmodelled().iter().enumerate() {
-            self.filter.push(plant, self.directions.all.len() + axis, torque, step_s);
-        }
-    }
-
     /// Pulses and motors are not quite what was commanded: half of it, as for half of a cell. The variance that the noise of its motor gives
     /// each wheel's speed over a cell, where the wheel turns freely.
-    fn add_random(&mut self, plant: &Plant, cell: &Cell, by_motor: &ByMotor) -> [Option<f64>; MAX_WHEELS] {
+    fn add_random(&mut self, plant: &Plant, cell: &Cell, by_motor: &[Vec<f64>]) -> [Option<f64>; MAX_WHEELS] {
         let (settings, half) = (&self.settings, 0.5_f64.sqrt());
         for (jet, share) in
             self.model.jets().iter().zip(&cell.valve_fraction).filter(|(_, share)| **share > 0.0)

@@ -18,4 +18,4 @@ mod unexplained;
 pub use comparison::{Comparison, SMALL_ERROR, compare, compare_as, prediction_error};
 pub use error::ValidationError;
 pub use localisation::{Localisation, OfMotor, WithTorques, explain_where};
-pub use unexplained::{UnexplainedTorques, unexplained_torques, unexplained_torques_as};
+pub use unexplained::{UnexplainedTorques, unexplained_torques};

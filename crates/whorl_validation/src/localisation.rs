@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use serde::Serialize;
 use whorl_dynamics::PlatformModel;
 use whorl_math::three_digits;
+use whorl_prediction::SmoothedState;
 use whorl_recording::Recording;
 
 use crate::dependence::{
@@ -70,17 +71,13 @@ pub fn explain_where(
     runs: &[WithTorques<'_>],
     model: &PlatformModel,
 ) -> Result<Localisation, ValidationError> {
-    let torques = || runs.iter().map(|(_, torques)| *torques);
-    let names: Vec<&str> = torques().map(|torques| torques.run.as_str()).collect();
+    let names: Vec<&str> = runs.iter().map(|(_, torques)| torques.run.as_str()).collect();
     let run = names.join(", ");
     let dependences_of = |residual: &dyn Fn(&UnexplainedTorques) -> Option<Residual>| {
-        let (mut residuals, mut variables) = (Vec::new(), Vec::<Vec<Variable>>::new());
-        for (recording, torques) in runs {
-            if let Some(residual) = residual(torques) {
-                residuals.push(residual);
-                variables.push(conditions(recording, model, &torques.states));
-            }
-        }
+        let of = |(recording, torques): &WithTorques<'_>| {
+            Some((residual(torques)?, conditions(recording, model, &torques.states)))
+        };
+        let (residuals, variables): (Vec<Residual>, Vec<Vec<Variable>>) = runs.iter().filter_map(of).unzip();
         if residuals.is_empty() {
             return Ok(None);
         }
@@ -92,14 +89,19 @@ pub fn explain_where(
     let times = |torques: &UnexplainedTorques| torques.states.iter().map(|state| state.time_s).collect();
     let of_body = |torques: &UnexplainedTorques| {
         let noise = torques.noise_of_body(model);
-        let states = &torques.states;
-        let of: Vec<_> = states.iter().map(|state| state.torque_b_n_m).collect();
-        let attitudes: Vec<_> = states.iter().map(|state| state.q_world_body).collect();
+        let of: Vec<_> = torques.states.iter().map(|state| state.torque_b_n_m).collect();
+        let attitudes: Vec<_> = torques.states.iter().map(|state| state.q_world_body).collect();
         let pushes = torques.levels.body_stddev_b_n_m().iter().any(|level| *level > 0.0);
         pushes.then(|| match model.freedom.hinge_axis_b() {
             Some(axis_b) => Residual::on_hinge(times(torques), &of, &noise, &axis_b),
             None => Residual::of_body(times(torques), &of, &noise, &attitudes),
         })
+    };
+    // Root mean square over all runs.
+    let rms = |of: &dyn Fn(&SmoothedState) -> Option<f64>| {
+        let values = runs.iter().flat_map(|(_, torques)| &torques.states).filter_map(of);
+        let (squares, count) = values.fold((0.0, 0.0), |(sum, n), x| (sum + x * x, n + 1.0));
+        if count > 0.0 { f64::sqrt(squares / count) } else { 0.0 }
     };
     let mut motors = Vec::new();
     for (j, wheel) in model.wheels().iter().enumerate() {
@@ -107,38 +109,27 @@ pub fn explain_where(
             let motor = torques.motor(j);
             (!motor.is_empty()).then(|| Residual::of_motor(times(torques), motor))
         };
-        let rms = |of: fn(&whorl_prediction::SmoothedState) -> &[f64]| {
-            root_mean_square(torques().flat_map(|t| &t.states).filter_map(|state| of(state).get(j).copied()))
-        };
         motors.push(OfMotor {
             wheel: wheel.name.clone(),
-            rms_n_m: rms(|state| &state.motor_torque_n_m),
-            stddev_n_m: rms(|state| &state.motor_torque_stddev_n_m),
+            rms_n_m: rms(&|state| state.motor_torque_n_m.get(j).copied()),
+            stddev_n_m: rms(&|state| state.motor_torque_stddev_n_m.get(j).copied()),
             dependences: dependences_of(&of_motor)?,
         });
     }
-    let all = || torques().flat_map(|torques| &torques.states);
-    let mut remarks: Vec<String> = Vec::new();
-    for torques in torques() {
-        for remark in &torques.remarks {
-            let remark = if runs.len() > 1 { format!("{}: {remark}", torques.run) } else { remark.clone() };
-            remarks.push(remark);
-        }
-    }
+    let remarks =
+        runs.iter().flat_map(|(_, torques)| torques.remarks.iter().map(|remark| (&torques.run, remark)));
+    let of_run = |(run, remark): (&String, &String)| {
+        if runs.len() > 1 { format!("{run}: {remark}") } else { remark.clone() }
+    };
     Ok(Localisation {
-        rms_b_n_m: [0, 1, 2].map(|i| root_mean_square(all().map(|state| state.torque_b_n_m[i]))),
+        rms_b_n_m: [0, 1, 2].map(|i| rms(&|state| Some(state.torque_b_n_m[i]))),
         stddev_b_n_m: [0, 1, 2]
-            .map(|i| root_mean_square(all().map(|state| state.torque_covariance_b[(i, i)].max(0.0).sqrt()))),
+            .map(|i| rms(&|state| Some(state.torque_covariance_b[(i, i)].max(0.0).sqrt()))),
         dependences: dependences_of(&of_body)?,
+        remarks: remarks.map(of_run).collect(),
         run,
         motors,
-        remarks,
     })
-}
-
-fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
-    let (squares, count) = values.fold((0.0, 0.0), |(sum, n), x| (sum + x * x, n + 1.0));
-    if count > 0.0 { f64::sqrt(squares / count) } else { 0.0 }
 }
 
 impl Localisation {
@@ -157,30 +148,24 @@ impl Localisation {
                 self.run
             )];
         }
-        let mut answer = Vec::new();
-        if let Some(found) = &self.dependences {
-            let size = |by_axis: [f64; 3]| Vector3::from(by_axis).norm();
-            let told = three_digits_milli(size(self.rms_b_n_m), size(self.stddev_b_n_m));
-            answer.push(format!("{}: the model leaves a torque of {told} unexplained.", self.run));
-            answer.extend(named(found));
-        }
-        for motor in &self.motors {
-            if let Some(found) = &motor.dependences {
-                let told = three_digits_milli(motor.rms_n_m, motor.stddev_n_m);
-                answer.push(format!(
-                    "{}: the model leaves a torque of {told} of {}'s motor unexplained.",
-                    self.run, motor.wheel
-                ));
-                answer.extend(named(found));
-            }
-        }
-        answer
+        // "14.5 mN m RMS (each value +- 0.48)", and on what it depends.
+        let told = |rms_n_m: f64, stddev_n_m: f64, whose: &str, found: &Dependences| {
+            let [rms, stddev] = [rms_n_m, stddev_n_m].map(|x| three_digits(x * 1e3));
+            let left = format!(
+                "{}: the model leaves a torque of {rms} mN m RMS (each value +- {stddev}){whose} unexplained.",
+                self.run
+            );
+            std::iter::once(left).chain(named(found)).collect::<Vec<_>>()
+        };
+        let size = |by_axis: [f64; 3]| Vector3::from(by_axis).norm();
+        let of_body = |found| told(size(self.rms_b_n_m), size(self.stddev_b_n_m), "", found);
+        let of_motor = |motor: &OfMotor| {
+            let whose = format!(" of {}'s motor", motor.wheel);
+            motor.dependences.as_ref().map(|found| told(motor.rms_n_m, motor.stddev_n_m, &whose, found))
+        };
+        let body = self.dependences.as_ref().map(of_body);
+        body.into_iter().chain(self.motors.iter().filter_map(of_motor)).flatten().collect()
     }
-}
-
-/// "14.5 mN m RMS (known to +- 0.48 mN m)".
-fn three_digits_milli(rms_n_m: f64, stddev_n_m: f64) -> String {
-    format!("{} mN m RMS (each value +- {})", three_digits(rms_n_m * 1e3), three_digits(stddev_n_m * 1e3))
 }
 
 /// One sentence for each quantity that explains much.
@@ -244,21 +229,19 @@ fn constant_torque(found: &Dependences) -> String {
 
 /// "71 % of the excess is a function of yaw rate (about body z; odd; saturates)".
 fn sentence(d: &Dependence) -> String {
-    let mut notes = Vec::new();
-    if d.frame.axes().len() > 1 {
-        notes.push(format!("mostly about {}", d.frame.about(d.axis)));
-    }
-    match d.parity {
-        Parity::Odd => notes.push("odd".to_owned()),
-        Parity::Even => notes.push("even".to_owned()),
-        Parity::None => {}
-    }
-    match d.growth {
-        Growth::Saturates if d.parity == Parity::Odd => notes.push("saturates".to_owned()),
-        Growth::Linear => notes.push("in proportion".to_owned()),
-        Growth::Superlinear => notes.push("grows faster than in proportion".to_owned()),
-        _ => {}
-    }
+    let about = (d.frame.axes().len() > 1).then(|| format!("mostly about {}", d.frame.about(d.axis)));
+    let parity = match d.parity {
+        Parity::Odd => Some("odd"),
+        Parity::Even => Some("even"),
+        Parity::None => None,
+    };
+    let growth = match d.growth {
+        Growth::Saturates if d.parity == Parity::Odd => Some("saturates"),
+        Growth::Linear => Some("in proportion"),
+        Growth::Superlinear => Some("grows faster than in proportion"),
+        _ => None,
+    };
+    let notes: Vec<&str> = about.as_deref().into_iter().chain(parity).chain(growth).collect();
     let notes = if notes.is_empty() { String::new() } else { format!(" ({})", notes.join("; ")) };
     format!(
         "{:.0} % of the excess is a function of {}{notes}.",

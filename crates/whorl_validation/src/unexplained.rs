@@ -32,23 +32,13 @@ pub struct UnexplainedTorques {
     pub remarks: Vec<String>,
 }
 
-/// The torques that `model` does not explain in a recording. The model is not refitted: the error of a wrong inertia counts as torque
-/// unless the platform's own parameters were refitted to the run before.
+/// The torques that `model` does not explain in a recording; `known` is the run as a fit that ended with this model has followed it, if one
+/// has. The model is not refitted: the error of a wrong inertia counts as torque unless the platform's own parameters were refitted to
+/// the run before.
 ///
 /// # Errors
 /// If the recording cannot be used, with advice: see [`ValidationError`].
 pub fn unexplained_torques(
-    recording: &Recording,
-    model: &PlatformModel,
-) -> Result<UnexplainedTorques, ValidationError> {
-    unexplained_torques_as(recording, model, None)
-}
-
-/// The same with the run as a fit that ended with this model has followed it, if one has.
-///
-/// # Errors
-/// As [`unexplained_torques`].
-pub fn unexplained_torques_as(
     recording: &Recording,
     model: &PlatformModel,
     known: Option<&Followed>,

@@ -1,12 +1,12 @@
 //! Improvement of the model by a physical effect, and the parameters with which the effect is adopted.
 
-pub(crate) mod plausibility;
 mod versions;
 mod words;
 
 use std::collections::BTreeMap;
 
-use whorl_identification::{DiagnosisError, Options};
+use whorl_dynamics::effects::{EffectKind, find};
+use whorl_identification::{DiagnosisError, Fit, FittedParameter, Options};
 use whorl_math::three_digits;
 use whorl_params::{ModelStep, Value};
 
@@ -17,6 +17,8 @@ use crate::{Case, ExplainError, ProgressCallback};
 
 /// A prediction error that exceeds the previous one by this factor counts as worse.
 pub const WORSE: f64 = 1.005;
+/// Prior standard deviations beyond which a mass property is implausible.
+const IMPLAUSIBLE: f64 = 12.0;
 
 /// The same runs with the model as given, refitted, and with effects.
 #[derive(Debug, Clone)]
@@ -48,6 +50,19 @@ pub fn adopt(
     }
 }
 
+/// Moments of inertia are a group of their own among the parameters of a fit; what else is a constant of the platform corrects it as an effect.
+fn is_constant(parameter: &FittedParameter, of_kind: impl Fn(EffectKind) -> bool) -> bool {
+    let effect = find(&parameter.group).filter(|effect| effect.is_base());
+    effect.map_or(parameter.group == "mass_properties", |effect| of_kind(effect.info().kind))
+}
+
+/// The constant of the platform among these that a fit has moved farthest, and by how many prior standard deviations.
+pub(crate) fn farthest(fit: &Fit, of_kind: impl Fn(EffectKind) -> bool) -> Option<(&FittedParameter, f64)> {
+    let constants = fit.estimates.iter().filter(|p| p.prior_stddev > 0.0 && is_constant(p, &of_kind));
+    let moved = constants.map(|p| (p, (p.estimate - p.before).abs() / p.prior_stddev));
+    moved.max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
 /// An effect that is named twice is one.
 fn each_once(set: &[String]) -> Vec<String> {
     let is_new = |k: usize| !set.iter().take(k).any(|before| Some(before) == set.get(k));
@@ -58,7 +73,7 @@ impl Adoption {
     /// An objection to adopting the last version, as a sentence: held-out or training runs are predicted worse, or a mass
     /// property has moved implausibly far.
     #[must_use]
-    pub fn objection(&self, case: &Case<'_>) -> Option<String> {
+    pub fn objection(&self) -> Option<String> {
         let (first, last) = (self.versions.first()?, self.versions.last()?);
         for (held_out, kind) in [(true, "held-out"), (false, "training")] {
             if let (Some(before), Some(after)) =
@@ -70,7 +85,18 @@ impl Adoption {
                 ));
             }
         }
-        plausibility::strangest(case.model, case.prior, &last.fit.as_ref()?.model)
+        let (worst, stddevs) = farthest(last.fit.as_ref()?, |kind| kind == EffectKind::Torque)?;
+        (stddevs > IMPLAUSIBLE).then(|| {
+            format!(
+                "the fit asks for {} = {} {}, and the model says {} +- {}: {stddevs:.0} standard deviations. Are these data of \
+                 another platform? Or is the excitation too weak to estimate it: add a run with more motion",
+                worst.name,
+                three_digits(worst.estimate),
+                worst.unit,
+                three_digits(worst.before),
+                three_digits(worst.prior_stddev),
+            )
+        })
     }
 
     /// The adoption of the last version as a step of the model's history, without number and date.

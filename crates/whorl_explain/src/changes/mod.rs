@@ -5,7 +5,6 @@ mod step;
 
 use std::collections::BTreeMap;
 
-use nalgebra::Vector3;
 use whorl_dynamics::actuators::{Field, Group, Slot};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_math::three_digits;
@@ -31,40 +30,42 @@ struct Changes<'a> {
     all: Vec<Change>,
 }
 
+/// A number before and after, and how well it is known then.
+type Number = (f64, f64, f64);
+
 impl Changes<'_> {
-    fn number(&mut self, key: String, before: f64, after: f64, unit: &str, stddev: f64) {
-        if differs(before, after) {
-            let comment = format!("[{unit}] +- {}, adopted, was {}", short(stddev), short(before));
-            self.all.push(Change { key, value: Value::Double(rounded(after, stddev)), comment });
+    fn push(&mut self, key: String, numbers: &[Number], comment: String) {
+        let values: Vec<f64> = numbers.iter().map(|(_, is, stddev)| rounded(*is, *stddev)).collect();
+        let value = if let [one] = values[..] { Value::Double(one) } else { Value::DoubleArray(values) };
+        self.all.push(Change { key, value, comment });
+    }
+
+    /// One entry, or an array, where a number differs.
+    fn add(&mut self, key: String, numbers: &[Number], comment: impl FnOnce() -> String) {
+        if numbers.iter().any(|(was, is, _)| differs(*was, *is)) {
+            self.push(key, numbers, comment());
         }
     }
 
-    fn vector(&mut self, key: String, before: &Vector3<f64>, after: &Vector3<f64>, comment: String) {
-        if (0..3).any(|i| differs(before[i], after[i])) {
-            self.all.push(Change {
-                key,
-                value: Value::DoubleArray(after.iter().map(|x| rounded(*x, 1e-5)).collect()),
-                comment,
-            });
-        }
+    fn number(&mut self, key: String, (was, is, stddev): Number, unit: &str) {
+        let comment = || format!("[{unit}] +- {}, adopted, was {}", three_digits(stddev), three_digits(was));
+        self.add(key, &[(was, is, stddev)], comment);
     }
 
-    fn prior(&mut self, key: String, before: f64, after: f64) {
-        if differs(before, after) {
-            self.all.push(Change {
-                key: format!("model_prior.{key}"),
-                value: Value::Double(rounded(after, 0.01 * after)),
-                comment: "adopted".to_owned(),
-            });
-        }
+    /// Standard deviations before and after.
+    fn prior(&mut self, key: &str, numbers: &[(f64, f64)], unit: &str) {
+        let numbers: Vec<Number> = numbers.iter().map(|(was, is)| (*was, *is, 0.01 * is)).collect();
+        self.add(format!("model_prior.{key}"), &numbers, || format!("{unit}adopted"));
     }
 
-    fn source(&mut self, group: &str) {
-        self.all.push(Change {
-            key: format!("model_prior.{group}"),
-            value: Value::String(format!("adopted: {}", self.provenance)),
-            comment: String::new(),
-        });
+    /// What is written with one source, which is said where anything was.
+    fn group(&mut self, source: &str, write: impl FnOnce(&mut Self)) {
+        let count = self.all.len();
+        write(self);
+        if self.all.len() > count {
+            let value = Value::String(format!("adopted: {}", self.provenance));
+            self.all.push(Change { key: format!("model_prior.{source}"), value, comment: String::new() });
+        }
     }
 }
 
@@ -84,12 +85,8 @@ pub(crate) fn rounded(value: f64, stddev: f64) -> f64 {
     format!("{:.digits$}", steps * step).parse().unwrap_or(value)
 }
 
-fn short(value: f64) -> String {
-    three_digits(value)
-}
-
-/// All differences between `after` and `before`: mass properties, actuators, effects, and their standard
-/// deviations. `provenance` names the source of the numbers.
+/// All differences between `after` and `before`: mass properties, actuators, low-passes that do not delay as stated, effects, and their
+/// standard deviations. `provenance` names the source of the numbers.
 #[must_use]
 pub fn changes(
     (before, after): (&PlatformModel, &PlatformModel),
@@ -97,75 +94,51 @@ pub fn changes(
     provenance: &str,
 ) -> Vec<Change> {
     let mut c = Changes { provenance, all: Vec::new() };
-    mass_properties(&mut c, before, after, prior_before, prior);
-    actuators(&mut c, before, after, prior_before, prior);
-    low_pass(&mut c, before, after);
+    let (old, new) = (&before.mass_properties, &after.mass_properties);
+    c.group("inertia_kg_m2.source", |c| {
+        for (name, at) in
+            [("xx", (0, 0)), ("xy", (0, 1)), ("xz", (0, 2)), ("yy", (1, 1)), ("yz", (1, 2)), ("zz", (2, 2))]
+        {
+            let stddev = prior.inertia_b_kg_m2[at];
+            let number = (old.inertia_b_kg_m2()[at], new.inertia_b_kg_m2()[at], stddev);
+            c.number(format!("model.inertia_kg_m2.{name}"), number, "kg m^2");
+            c.prior(&format!("inertia_kg_m2.{name}"), &[(prior_before.inertia_b_kg_m2[at], stddev)], "");
+        }
+    });
+    let (a, b) = (old.gravity_offset_b_n_m(), new.gravity_offset_b_n_m());
+    let (known_before, known) = (&prior_before.gravity_offset_b_n_m, &prior.gravity_offset_b_n_m);
+    c.add("model.gravity_offset_n_m".to_owned(), &[0, 1, 2].map(|i| (a[i], b[i], TO_DIGITS)), || {
+        format!("[N m] +- {}, adopted", [known.x, known.y, known.z].map(three_digits).join(", "))
+    });
+    c.group("gravity_offset_n_m_source", |c| {
+        c.prior("gravity_offset_n_m", &[0, 1, 2].map(|i| (known_before[i], known[i])), "[N m] ");
+    });
+    actuators(&mut c, (before, after), (prior_before, prior));
+    for (sensor, was, is) in [
+        ("gyro", &before.sensors.gyro.errors, &after.sensors.gyro.errors),
+        ("accelerometer", &before.sensors.accelerometer.errors, &after.sensors.accelerometer.errors),
+    ] {
+        let key = format!("model.sensors.{sensor}.time_constant_s");
+        c.add(key, &[(was.time_constant_s, is.time_constant_s, 0.0)], || {
+            format!("[s] its samples are not late by it, was {}", three_digits(was.time_constant_s))
+        });
+        let key = format!("model.sensors.{sensor}.averaging_window_s");
+        c.add(key, &[(was.averaging_window_s, is.averaging_window_s, 0.0)], || {
+            "[s] its samples are means over it, the stamp in its middle".to_owned()
+        });
+    }
     effects(&mut c, before, after, prior);
     c.all
 }
 
-/// The low-pass of inertial sensors that does not delay as stated.
-fn low_pass(c: &mut Changes<'_>, before: &PlatformModel, after: &PlatformModel) {
-    let of = |model: &PlatformModel| {
-        [("gyro", model.sensors.gyro.errors), ("accelerometer", model.sensors.accelerometer.errors)]
-    };
-    for ((sensor, was), (_, is)) in of(before).into_iter().zip(of(after)) {
-        if differs(was.time_constant_s, is.time_constant_s) {
-            c.all.push(Change {
-                key: format!("model.sensors.{sensor}.time_constant_s"),
-                value: Value::Double(is.time_constant_s),
-                comment: format!("[s] its samples are not late by it, was {}", short(was.time_constant_s)),
-            });
-        }
-        if differs(was.averaging_window_s, is.averaging_window_s) {
-            c.all.push(Change {
-                key: format!("model.sensors.{sensor}.averaging_window_s"),
-                value: Value::Double(is.averaging_window_s),
-                comment: "[s] its samples are means over it, the stamp in its middle".to_owned(),
-            });
-        }
-    }
-}
-
-fn mass_properties(
-    c: &mut Changes<'_>,
-    before: &PlatformModel,
-    after: &PlatformModel,
-    prior_before: &ModelPrior,
-    prior: &ModelPrior,
-) {
-    let (old, new) = (&before.mass_properties, &after.mass_properties);
-    let count = c.all.len();
-    for (name, i, j) in [("xx", 0, 0), ("xy", 0, 1), ("xz", 0, 2), ("yy", 1, 1), ("yz", 1, 2), ("zz", 2, 2)] {
-        let (a, b) = (old.inertia_b_kg_m2()[(i, j)], new.inertia_b_kg_m2()[(i, j)]);
-        let stddev = prior.inertia_b_kg_m2[(i, j)];
-        c.number(format!("model.inertia_kg_m2.{name}"), a, b, "kg m^2", stddev);
-        c.prior(format!("inertia_kg_m2.{name}"), prior_before.inertia_b_kg_m2[(i, j)], stddev);
-    }
-    if c.all.len() > count {
-        c.source("inertia_kg_m2.source");
-    }
-    let (a, b) = (old.gravity_offset_b_n_m(), new.gravity_offset_b_n_m());
-    let stddev = prior.gravity_offset_b_n_m;
-    let comment = format!("[N m] +- {}, {}, {}, adopted", short(stddev.x), short(stddev.y), short(stddev.z));
-    c.vector("model.gravity_offset_n_m".to_owned(), a, b, comment);
-    if (0..3).any(|i| differs(prior_before.gravity_offset_b_n_m[i], stddev[i])) {
-        c.all.push(Change {
-            key: "model_prior.gravity_offset_n_m".to_owned(),
-            value: Value::DoubleArray(stddev.iter().map(|x| rounded(*x, 0.01 * x)).collect()),
-            comment: "[N m] adopted".to_owned(),
-        });
-        c.source("gravity_offset_n_m_source");
-    }
-}
+/// Numbers of vectors and directions are written to this.
+const TO_DIGITS: f64 = 1e-5;
 
 /// The estimated parameters of all actuators of every kind.
 fn actuators(
     c: &mut Changes<'_>,
-    before: &PlatformModel,
-    after: &PlatformModel,
-    prior_before: &ModelPrior,
-    prior: &ModelPrior,
+    (before, after): (&PlatformModel, &PlatformModel),
+    (prior_before, prior): (&ModelPrior, &ModelPrior),
 ) {
     // The entries give mutable access to their values, so copies are used.
     let (mut old, mut new) = (before.actuators.clone(), after.actuators.clone());
@@ -176,48 +149,39 @@ fn actuators(
         let members: Vec<String> = old.names().into_iter().map(str::to_owned).collect();
         for (j, member) in members.iter().enumerate().take(new.names().len()) {
             let group = format!("{name}.{member}");
-            let count = c.all.len();
             let (was, is) = (old.fields(0, j), new.fields(0, j));
-            for key in known.keys() {
-                let find = |fields: &[Field<'_>]| fields.iter().position(|field| field.key == *key);
-                let (Some(was), Some(is)) =
-                    (find(&was).and_then(|f| was.get(f)), find(&is).and_then(|f| is.get(f)))
-                else {
-                    continue;
-                };
-                let stddevs =
-                    (known_before.stddev(key, j).unwrap_or(0.0), known.stddev(key, j).unwrap_or(0.0));
-                let unit = |field: &Field<'_>| match &field.slot {
-                    Slot::Number(value) if known.is_share(key) => **value,
-                    _ => 1.0,
-                };
-                entry(c, &group, was, is, (stddevs.0 * unit(was), stddevs.1 * unit(is)));
-            }
-            if c.all.len() > count {
-                c.source(&format!("{group}.source"));
-            }
+            c.group(&format!("{group}.source"), |c| {
+                for key in known.keys() {
+                    let is_key = |field: &&Field<'_>| field.key == *key;
+                    let Some((was, is)) = was.iter().find(is_key).zip(is.iter().find(is_key)) else {
+                        continue;
+                    };
+                    // In the entry's unit.
+                    let unit = |field: &Field<'_>| match &field.slot {
+                        Slot::Number(value) if known.is_share(key) => **value,
+                        _ => 1.0,
+                    };
+                    let stddev = known.stddev(key, j).unwrap_or(0.0) * unit(is);
+                    let stddev_before = known_before.stddev(key, j).unwrap_or(0.0) * unit(was);
+                    let own = format!("{group}.{key}");
+                    let vector = match (&was.slot, &is.slot) {
+                        (Slot::Number(a), Slot::Number(b)) => {
+                            c.number(format!("model.{own}"), (**a, **b, stddev), is.unit);
+                            None
+                        }
+                        (Slot::Direction(a), Slot::Direction(b)) => Some((a.into_inner(), b.into_inner())),
+                        (Slot::Vector(a), Slot::Vector(b)) => Some((**a, **b)),
+                        _ => continue,
+                    };
+                    if let Some((a, b)) = vector {
+                        c.add(format!("model.{own}"), &[0, 1, 2].map(|i| (a[i], b[i], TO_DIGITS)), || {
+                            format!("+- {} rad, adopted", three_digits(stddev))
+                        });
+                    }
+                    c.prior(&own, &[(stddev_before, stddev)], "");
+                }
+            });
         }
-    }
-}
-
-/// One entry of one actuator, and its standard deviation before and after, in its unit.
-fn entry(c: &mut Changes<'_>, group: &str, was: &Field<'_>, is: &Field<'_>, (before, after): (f64, f64)) {
-    let key = format!("{group}.{}", is.key);
-    let comment = || format!("+- {} rad, adopted", short(after));
-    match (&was.slot, &is.slot) {
-        (Slot::Number(a), Slot::Number(b)) => {
-            c.number(format!("model.{key}"), **a, **b, is.unit, after);
-            c.prior(key, before, after);
-        }
-        (Slot::Direction(a), Slot::Direction(b)) => {
-            c.vector(format!("model.{key}"), a, b, comment());
-            c.prior(key, before, after);
-        }
-        (Slot::Vector(a), Slot::Vector(b)) => {
-            c.vector(format!("model.{key}"), a, b, comment());
-            c.prior(key, before, after);
-        }
-        _ => {}
     }
 }
 
@@ -227,32 +191,23 @@ fn effects(c: &mut Changes<'_>, before: &PlatformModel, after: &PlatformModel, p
         let old = before.effects.get(id).unwrap_or(&none);
         let deviations = prior.effects.get(id).unwrap_or(&none);
         let units = whorl_dynamics::effects::find(id).map(|e| e.parameters(after)).unwrap_or_default();
-        let count = c.all.len();
-        for (name, value) in parameters {
-            let stddev = deviations.get(name).copied().unwrap_or(0.0);
-            let unit = units.iter().find(|p| p.name == *name).map_or("1", |p| p.unit);
-            if old.get(name).is_none_or(|o| differs(*o, *value)) {
-                c.all.push(Change {
-                    key: format!("model.effects.{id}.{name}"),
-                    value: Value::Double(rounded(*value, stddev)),
-                    comment: format!("[{unit}] +- {}, adopted", short(stddev)),
-                });
+        c.group(&format!("effects.{id}.source"), |c| {
+            let count = c.all.len();
+            for (name, value) in parameters {
+                let stddev = deviations.get(name).copied().unwrap_or(0.0);
+                let unit = units.iter().find(|p| p.name == *name).map_or("1", |p| p.unit);
+                if old.get(name).is_none_or(|o| differs(*o, *value)) {
+                    let comment = format!("[{unit}] +- {}, adopted", three_digits(stddev));
+                    c.push(format!("model.effects.{id}.{name}"), &[(0.0, *value, stddev)], comment);
+                }
             }
-        }
-        for (name, stddev) in
-            deviations.iter().filter(|(name, s)| **s > 0.0 && parameters.contains_key(*name))
-        {
-            if c.all.len() > count {
-                c.all.push(Change {
-                    key: format!("model_prior.effects.{id}.{name}"),
-                    value: Value::Double(rounded(*stddev, 0.01 * stddev)),
-                    comment: "adopted".to_owned(),
-                });
+            let has_changed = c.all.len() > count;
+            let known = deviations.iter().filter(|(name, s)| **s > 0.0 && parameters.contains_key(*name));
+            for (name, stddev) in known.filter(|_| has_changed) {
+                let key = format!("model_prior.effects.{id}.{name}");
+                c.push(key, &[(0.0, *stddev, 0.01 * stddev)], "adopted".to_owned());
             }
-        }
-        if c.all.len() > count {
-            c.source(&format!("effects.{id}.source"));
-        }
+        });
     }
 }
 

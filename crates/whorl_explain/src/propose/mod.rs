@@ -7,14 +7,14 @@ mod family;
 mod tests;
 mod words;
 
-use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use whorl_dynamics::PlatformModel;
 use whorl_identification::{Diagnosis, ExpectedInformation, Options, Verdict, expected_information, fit};
 use whorl_recording::{Mounting, Recording};
 
 pub use demand::ManoeuvreDemand;
 pub use experiment::yaml;
-pub use family::{Actuators, Drive, Envelope, Excitation, Manoeuvre, Step, family};
+pub use family::{Envelope, Manoeuvre, family};
 pub use words::{log_odds_in_words, needs_run};
 
 use crate::{Case, ExplainError, ProgressCallback};
@@ -97,26 +97,26 @@ pub fn propose(
     }
     let explanations = diagnosis.contenders();
     say(0.0, "rehearsing manoeuvres in simulation");
-    let (tried, left_out) = rehearse_all(rehearse, platform, case.model)?;
+    let count = family(&Envelope::of(case.model, 1.0)).len();
+    let rehearsals: Vec<_> =
+        (0..count).into_par_iter().map(|index| rehearsed(rehearse, platform, case.model, index)).collect();
+    let (mut tried, mut left_out) = (Vec::new(), Vec::new());
+    for rehearsal in rehearsals {
+        match rehearsal? {
+            Ok(found) => tried.push(found),
+            Err(beyond) => left_out.push(beyond),
+        }
+    }
     if tried.is_empty() {
         let reasons: Vec<String> = left_out.iter().map(|(name, reason)| format!("{name} {reason}")).collect();
         return Err(ExplainError::NoManoeuvre(reasons.join("; ")));
     }
     say(0.5, "evaluating the manoeuvres");
-    let further: Vec<Recording> = tried.iter().map(|(_, _, motion, _)| motion.clone()).collect();
+    let further: Vec<Recording> = tried.iter().map(|tried| tried.motion.clone()).collect();
     let found =
         expected_information(case.training, &further, case.model, case.prior, &explanations, options)?;
-    let mut judged: Vec<Judged> = tried
-        .into_iter()
-        .zip(found.with)
-        .map(|((manoeuvre, envelope, motion, demand), expected)| Judged {
-            manoeuvre,
-            envelope,
-            demand,
-            expected,
-            motion,
-        })
-        .collect();
+    let with = tried.into_iter().zip(found.with);
+    let mut judged: Vec<Judged> = with.map(|(tried, expected)| Judged { expected, ..tried }).collect();
     let separates =
         matches!(diagnosis.verdict, Verdict::Confounded | Verdict::Named) && found.now.log_odds.is_some();
     let worth = |j: &Judged| {
@@ -132,56 +132,29 @@ pub fn propose(
     Ok(Proposal { explanations, now: found.now, judged, left_out, separates })
 }
 
-type Tried = (Manoeuvre, Envelope, Recording, ManoeuvreDemand);
-
-/// A manoeuvre within the limits, or the exceeded limit.
-enum Rehearsed {
-    Fits(Box<Tried>),
-    GoesTooFar(String),
-}
-
-/// Manoeuvres within the limits, and the names of the others with the reason.
-type Sorted = (Vec<Tried>, Vec<(String, String)>);
-
-/// Simulates each manoeuvre, scaled down if necessary.
-fn rehearse_all(
+/// Simulates a manoeuvre, scaled down if necessary; what it is expected to show is left open. Its name and the exceeded limit where
+/// none stays within the limits.
+fn rehearsed(
     rehearse: &Rehearse<'_>,
     platform: &str,
     model: &PlatformModel,
-) -> Result<Sorted, ExplainError> {
-    let names: Vec<&'static str> = family(&Envelope::of(model, 1.0)).iter().map(|m| m.name).collect();
-    let rehearsed: Vec<Result<Rehearsed, ExplainError>> =
-        names.par_iter().map(|name| rehearse_smaller(rehearse, platform, model, name)).collect();
-    let (mut tried, mut left_out) = (Vec::new(), Vec::new());
-    for (name, result) in names.into_iter().zip(rehearsed) {
-        match result? {
-            Rehearsed::Fits(found) => tried.push(*found),
-            Rehearsed::GoesTooFar(reason) => left_out.push((name.to_owned(), reason)),
-        }
-    }
-    Ok((tried, left_out))
-}
-
-fn rehearse_smaller(
-    rehearse: &Rehearse<'_>,
-    platform: &str,
-    model: &PlatformModel,
-    name: &str,
-) -> Result<Rehearsed, ExplainError> {
-    let mut scale = 1.0;
-    let mut reason = String::new();
+    index: usize,
+) -> Result<Result<Judged, (String, String)>, ExplainError> {
+    let (mut scale, mut beyond) = (1.0, (String::new(), String::new()));
     for _ in 0..ATTEMPTS {
         let envelope = Envelope::of(model, scale);
-        let Some(manoeuvre) = family(&envelope).into_iter().find(|m| m.name == name) else { break };
-        let text = yaml(name, platform, &envelope, &manoeuvre, &[]);
-        let motion = rehearse(name, &text)
-            .map_err(|reason| ExplainError::Rehearsal { name: name.to_owned(), reason })?;
+        let Some(manoeuvre) = family(&envelope).into_iter().nth(index) else { break };
+        let name = manoeuvre.name.to_owned();
+        let text = yaml(&name, platform, &envelope, &manoeuvre, &[]);
+        let motion = rehearse(&name, &text)
+            .map_err(|reason| ExplainError::Rehearsal { name: name.clone(), reason })?;
         let demand = ManoeuvreDemand::of(&motion, model);
-        match demand.objection() {
-            None => return Ok(Rehearsed::Fits(Box::new((manoeuvre, envelope, motion, demand)))),
-            Some(objection) => reason = objection,
-        }
+        let Some(objection) = demand.objection() else {
+            let expected = ExpectedInformation::default();
+            return Ok(Ok(Judged { manoeuvre, envelope, demand, expected, motion }));
+        };
+        beyond = (name, objection);
         scale *= SMALLER;
     }
-    Ok(Rehearsed::GoesTooFar(reason))
+    Ok(Err(beyond))
 }

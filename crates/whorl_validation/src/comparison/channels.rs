@@ -145,39 +145,35 @@ impl<'a> Errors<'a> {
         let (recording, model) = (case.recording(), case.model());
         let wheels: Vec<&str> = model.wheels().iter().map(|wheel| wheel.name.as_str()).collect();
         let last_s = horizons_s.last().copied().unwrap_or(0.0);
-        let (mut columns, mut of) = (Vec::<Column>::new(), BTreeMap::new());
-        for component in case.components() {
-            let channel = component.channel;
-            let is_direction = channel.info().form == Form::Directions;
-            let joins = columns.last_mut().filter(|column| {
-                is_direction
-                    && column
-                        .components
-                        .first()
-                        .is_some_and(|first| (first.channel, first.sensor()) == (channel, component.sensor()))
+        // Both axes across a direction are one channel.
+        let is_one = |a: &Component, b: &Component| {
+            a.channel.info().form == Form::Directions && (a.channel, a.sensor()) == (b.channel, b.sensor())
+        };
+        let components: Vec<Component> = case.components().collect();
+        let mut of = BTreeMap::new();
+        let mut column = |(k, components): (usize, &[Component])| {
+            of.extend(components.iter().map(|component| (*component, k)));
+            let first = components.first()?;
+            let (quantity, is_direction) = (first.channel, first.channel.info().form == Form::Directions);
+            let name = match (is_direction, recording.vectors.len() > 1) {
+                (true, true) => format!("{}_{}", quantity.info().key, first.sensor() + 1),
+                (true, false) => quantity.info().key.to_owned(),
+                _ => first.name(&wheels),
+            };
+            let curve = GrowingCurve::default;
+            let overlay = (!is_direction).then(|| Overlay {
+                name: name.clone(),
+                quantity,
+                horizon_s: last_s,
+                measured: curve(),
+                predicted: curve(),
+                error: curve(),
+                stddev: curve(),
             });
-            if let Some(column) = joins {
-                column.components.push(component);
-            } else {
-                let name = match (is_direction, recording.vectors.len() > 1) {
-                    (true, true) => format!("{}_{}", channel.info().key, component.sensor() + 1),
-                    (true, false) => channel.info().key.to_owned(),
-                    _ => component.name(&wheels),
-                };
-                let overlay = (!is_direction).then(|| Overlay {
-                    name: name.clone(),
-                    quantity: channel,
-                    horizon_s: last_s,
-                    measured: GrowingCurve::default(),
-                    predicted: GrowingCurve::default(),
-                    error: GrowingCurve::default(),
-                    stddev: GrowingCurve::default(),
-                });
-                let sums = vec![Sums::default(); horizons_s.len() + 1];
-                columns.push(Column { name, quantity: channel, components: vec![component], sums, overlay });
-            }
-            of.insert(component, columns.len() - 1);
-        }
+            let sums = vec![Sums::default(); horizons_s.len() + 1];
+            Some(Column { name, quantity, components: components.to_vec(), sums, overlay })
+        };
+        let columns = components.chunk_by(is_one).enumerate().filter_map(&mut column).collect();
         Self {
             horizons_s,
             columns,

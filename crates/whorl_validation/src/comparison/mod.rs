@@ -2,14 +2,12 @@
 
 mod channels;
 mod verdict;
-mod white;
 mod whiteness;
 mod words;
 
 pub use channels::{ChannelErrors, HorizonError, Overlay, ahead};
 pub use verdict::{Absolute, PredictionError, Unexplained};
-pub use white::White;
-pub use whiteness::{InputCorrelation, Whiteness};
+pub use whiteness::{InputCorrelation, White, Whiteness};
 pub use whorl_recording::Channel;
 pub use words::SMALL_ERROR;
 
@@ -112,9 +110,9 @@ pub fn compare_as(
                 alone.add(innovation);
             }
         });
-        alone.white(&case)
+        alone.white()
     } else {
-        innovations.white(&case)
+        innovations.white()
     };
     let (channels, overlays, prediction) = errors.finish(&followed.noise, &stated);
     let times = if recording.gyro_b_rad_s.is_empty() {
@@ -137,7 +135,7 @@ pub fn compare_as(
         absolute: Absolute::of(&followed.undisturbed_likelihood, followed.undisturbed.determined),
         unexplained: Unexplained::of(&case, &followed),
         white,
-        whiteness: innovations.tests(&case),
+        whiteness: innovations.tests(),
         closed_loop: recording.closed_loop,
         gyro_bias_rad_s: [0, 1, 2].map(|axis| bias(axis).unwrap_or(0.0)),
         overlays,

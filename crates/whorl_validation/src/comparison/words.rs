@@ -4,7 +4,8 @@ use std::fmt;
 
 use whorl_math::three_digits;
 
-use super::{ChannelErrors, Comparison, Unexplained, ahead, white};
+use super::whiteness::FEWEST;
+use super::{ChannelErrors, Comparison, Unexplained, White, ahead};
 
 /// Largest ratio to the predicted deviation at which a channel counts as explained.
 const EXPLAINED: f64 = 1.1;
@@ -13,7 +14,9 @@ const EXPLAINED: f64 = 1.1;
 pub const SMALL_ERROR: f64 = 0.05;
 /// Motors' torques below this share of the largest torque go without saying.
 const LEAST_TOLD: f64 = 0.01;
-/// Largest number of findings to report.
+/// Probability that the innovations of a true model are called correlated, all channels of a run together.
+const FALSE_ALARM: f64 = 0.01;
+/// Largest number of findings to report, and of correlated channels to name.
 const FINDINGS: usize = 3;
 
 impl Comparison {
@@ -84,7 +87,7 @@ impl Comparison {
     /// Whether the innovations of the model alone are white, in a sentence.
     #[must_use]
     pub fn said_of_innovations(&self) -> String {
-        white::in_words(&self.white)
+        of_innovations(&self.white)
     }
 
     /// Findings of the whiteness tests, one sentence each, the most significant first.
@@ -144,4 +147,31 @@ impl fmt::Display for Unexplained {
 fn worst_horizon(channel: &ChannelErrors) -> Option<(f64, f64, f64)> {
     let longest = channel.horizons.iter().rev().find_map(|h| h.horizon_s.map(|s| (s, h.rms, h.ratio)));
     longest.filter(|(_, _, ratio)| ratio.is_finite())
+}
+
+/// "Innovations of the model alone are white ..."
+fn of_innovations(channels: &[White]) -> String {
+    if channels.is_empty() {
+        return format!(
+            "The run is too short to see whether innovations are white: fewer than {FEWEST} readings."
+        );
+    }
+    // All channels together: the level of each is as much smaller (Bonferroni).
+    let level = FALSE_ALARM / channels.len() as f64;
+    let mut coloured: Vec<&White> = channels.iter().filter(|of| of.ljung_box.p_value < level).collect();
+    if coloured.is_empty() {
+        return "Innovations of the model alone are white: each reading differs from its prediction by noise that nothing before foretells."
+            .to_owned();
+    }
+    let excess = |of: &White| of.ljung_box.statistic / of.ljung_box.limit_99;
+    coloured.sort_by(|a, b| excess(b).total_cmp(&excess(a)));
+    let named =
+        |of: &&White| format!("of {} over about {} s", of.channel, three_digits(of.correlated_over_s));
+    let named: Vec<String> = coloured.iter().take(FINDINGS).map(named).collect();
+    let others = coloured.len().saturating_sub(FINDINGS);
+    let others = if others > 0 { format!(", and of {others} other channels") } else { String::new() };
+    format!(
+        "Innovations of the model alone are correlated, so that something is left to predict: those {}{others}.",
+        named.join(", ")
+    )
 }

@@ -1,46 +1,31 @@
 //! Cubic B-splines on equal intervals, open or periodic.
 
-/// Intervals of an open curve.
+/// Intervals of a curve.
 const INTERVALS: usize = 12;
-/// Intervals of a periodic curve.
-const PERIODIC_INTERVALS: usize = 12;
-
 /// Number of functions that are non-zero at a point.
 pub(super) const SUPPORT: usize = 4;
 
-/// A basis of smooth curves over a range.
-#[derive(Debug, Clone)]
+/// A basis of smooth curves from `low` to `high`, with that period if `periodic`.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Basis {
-    low: f64,
-    width: f64,
-    intervals: usize,
-    periodic: bool,
+    pub low: f64,
+    pub high: f64,
+    pub periodic: bool,
 }
 
 impl Basis {
-    /// A basis over `low..high`, with period `high - low` if `periodic`.
-    pub fn new(low: f64, high: f64, periodic: bool) -> Self {
-        let intervals = if periodic { PERIODIC_INTERVALS } else { INTERVALS };
-        Self { low, width: (high - low) / intervals as f64, intervals, periodic }
-    }
-
-    /// The range.
-    pub fn range(&self) -> (f64, f64) {
-        (self.low, self.low + self.width * self.intervals as f64)
-    }
-
     /// Number of functions.
     pub fn len(&self) -> usize {
-        if self.periodic { self.intervals } else { self.intervals + SUPPORT - 1 }
+        if self.periodic { INTERVALS } else { INTERVALS + SUPPORT - 1 }
     }
 
     /// Index and value of the functions that are non-zero at `x`. Beyond an open range, those at its end.
     pub fn at(&self, x: f64) -> [(usize, f64); SUPPORT] {
-        let mut place = (x - self.low) / self.width;
+        let mut place = (x - self.low) / (self.high - self.low) * INTERVALS as f64;
         if self.periodic {
-            place = place.rem_euclid(self.intervals as f64);
+            place = place.rem_euclid(INTERVALS as f64);
         }
-        let interval = (place.floor().max(0.0) as usize).min(self.intervals - 1);
+        let interval = (place.floor().max(0.0) as usize).min(INTERVALS - 1);
         let u = (place - interval as f64).clamp(0.0, 1.0);
         let v = 1.0 - u;
         let values = [
@@ -49,22 +34,13 @@ impl Basis {
             (3.0 * v * v * v - 6.0 * v * v + 4.0) / 6.0,
             u * u * u / 6.0,
         ];
-        let mut functions = [(0, 0.0); SUPPORT];
-        for (k, (function, value)) in functions.iter_mut().zip(values).enumerate() {
-            let index = interval + k;
-            *function = (if self.periodic { index % self.intervals } else { index }, value);
-        }
-        functions
+        std::array::from_fn(|k| ((interval + k) % self.len(), values[k]))
     }
 
     /// Rows of second differences of the coefficients: indices with weights 1, -2, 1.
-    pub fn second_differences(&self) -> Vec<[usize; 3]> {
+    pub fn second_differences(&self) -> impl Iterator<Item = [usize; 3]> + use<> {
         let n = self.len();
-        if self.periodic {
-            (0..n).map(|i| [i, (i + 1) % n, (i + 2) % n]).collect()
-        } else {
-            (0..n.saturating_sub(2)).map(|i| [i, i + 1, i + 2]).collect()
-        }
+        (0..if self.periodic { n } else { n - 2 }).map(move |i| [i, (i + 1) % n, (i + 2) % n])
     }
 }
 
@@ -74,7 +50,7 @@ mod tests {
 
     #[test]
     fn functions_sum_to_one_and_reproduce_a_line() {
-        let basis = Basis::new(-2.0, 4.0, false);
+        let basis = Basis { low: -2.0, high: 4.0, periodic: false };
         for k in 0..=60 {
             let x = -2.0 + 0.1 * f64::from(k);
             let functions = basis.at(x);
@@ -87,9 +63,9 @@ mod tests {
 
     #[test]
     fn a_periodic_basis_closes() {
-        let basis = Basis::new(-std::f64::consts::PI, std::f64::consts::PI, true);
+        let basis = Basis { low: -std::f64::consts::PI, high: std::f64::consts::PI, periodic: true };
         let value = |x: f64| -> f64 { basis.at(x).iter().map(|(i, b)| b * (*i as f64).sin()).sum() };
         assert!((value(-3.0) - value(-3.0 + std::f64::consts::TAU)).abs() < 1e-12);
-        assert_eq!(basis.second_differences().len(), basis.len());
+        assert_eq!(basis.second_differences().count(), basis.len());
     }
 }

@@ -41,32 +41,28 @@ pub fn spectral_line(residual: &Residual) -> Option<SpectralLine> {
     let fourier = Fourier::of_length(n);
     let mean_square = |axis: &Vec<(f64, f64)>| axis.iter().map(|(x, _)| x * x).sum::<f64>() / n as f64;
     let largest = residual.frames().flat_map(|(_, axes)| axes).map(mean_square).fold(0.0, f64::max);
-    let mut best: Option<SpectralLine> = None;
-    for (frame, axes) in residual.frames() {
-        // Of an axis about which nothing can turn there is rounding.
-        let turns = |values: &Vec<(f64, f64)>| values.iter().any(|(_, sigma)| sigma.is_finite());
-        for (axis, values) in axes.iter().enumerate().filter(|(_, values)| turns(values)) {
-            let mean = values.iter().map(|(x, _)| x).sum::<f64>() / n as f64;
-            let power: f64 = values.iter().map(|(x, _)| (x - mean).powi(2)).sum::<f64>() / n as f64;
-            let spectrum = fourier.transform(values.iter().map(|(x, _)| x - mean));
-            // The number of frequencies is limited: lines of interest lie well below the sampling rate.
-            let highest = (n / 2).min(4000);
-            for (k, x) in spectrum.iter().enumerate().take(highest).skip(3) {
-                let frequency_hz = k as f64 / length_s;
-                let amplitude = 2.0 * x.norm() / n as f64;
-                let share = 0.5 * amplitude * amplitude / power.max(f64::MIN_POSITIVE);
-                let matters = 0.5 * amplitude * amplitude > OF_CONSEQUENCE * largest;
-                if matters
-                    && share > LEAST_SHARE
-                    && best.is_none_or(|b| share > b.share)
-                    && is_significant(share, n / 2)
-                {
-                    best = Some(SpectralLine { frequency_hz, amplitude_n_m: amplitude, frame, axis, share });
-                }
-            }
-        }
-    }
-    best
+    // Of an axis about which nothing can turn there is rounding.
+    let turns =
+        |(.., values): &(Frame, usize, &Vec<(f64, f64)>)| values.iter().any(|(_, sigma)| sigma.is_finite());
+    let axes = residual.frames().flat_map(|(frame, axes)| (0..).zip(axes).map(move |(i, of)| (frame, i, of)));
+    let lines = axes.filter(turns).flat_map(|(frame, axis, values)| {
+        let mean = values.iter().map(|(x, _)| x).sum::<f64>() / n as f64;
+        let power: f64 = values.iter().map(|(x, _)| (x - mean).powi(2)).sum::<f64>() / n as f64;
+        let spectrum = fourier.transform(values.iter().map(|(x, _)| x - mean));
+        // The number of frequencies is limited: lines of interest lie well below the sampling rate.
+        let inner = spectrum.into_iter().enumerate().take((n / 2).min(4000)).skip(3);
+        inner.map(move |(k, x)| {
+            let amplitude_n_m = 2.0 * x.norm() / n as f64;
+            let share = 0.5 * amplitude_n_m * amplitude_n_m / power.max(f64::MIN_POSITIVE);
+            SpectralLine { frequency_hz: k as f64 / length_s, amplitude_n_m, frame, axis, share }
+        })
+    });
+    let matters = |line: &SpectralLine| {
+        0.5 * line.amplitude_n_m.powi(2) > OF_CONSEQUENCE * largest
+            && line.share > LEAST_SHARE
+            && is_significant(line.share, n / 2)
+    };
+    lines.filter(matters).reduce(|best, line| if line.share > best.share { line } else { best })
 }
 
 /// Fisher's g against its critical value: P(g > x) < m (1 - x)^(m - 1).

@@ -20,11 +20,11 @@ pub use residual::Residual;
 pub use shape::{Growth, Parity, Shape};
 pub use variable::{Variable, conditions};
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 use thiserror::Error;
 
-use regression::{FOLDS, Regression};
+use regression::{FOLDS, Fit, basis, constant_explains, fit};
 use residual::Axes;
 use variable::RATE_ABOUT_SAME_AXIS;
 
@@ -54,36 +54,28 @@ impl Frame {
     /// In a word, for tables.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Body => "body",
-            Self::World => "world",
-            Self::Wheel => "wheel",
-            Self::Hinge => "hinge",
-        }
+        self.words().0
     }
 
     /// Its axes, for tables and curves: three, or one.
     #[must_use]
     pub fn axes(self) -> &'static [&'static str] {
-        match self {
-            Self::Body => &["x", "y", "z"],
-            Self::World => &["east", "north", "up"],
-            Self::Wheel | Self::Hinge => &["axis"],
-        }
+        self.words().1
     }
 
     /// What a torque about one of its axes is about, in a sentence.
     #[must_use]
     pub fn about(self, axis: usize) -> &'static str {
-        match (self, axis) {
-            (Self::Body, 0) => "body x",
-            (Self::Body, 1) => "body y",
-            (Self::Body, _) => "body z",
-            (Self::World, 0) => "east",
-            (Self::World, 1) => "north",
-            (Self::World, _) => "the vertical",
-            (Self::Wheel, _) => "the wheel's axis",
-            (Self::Hinge, _) => "the hinge",
+        let (.., about) = self.words();
+        about.get(axis).or(about.last()).unwrap_or(&"")
+    }
+
+    fn words(self) -> (&'static str, &'static [&'static str], &'static [&'static str]) {
+        match self {
+            Self::Body => ("body", &["x", "y", "z"], &["body x", "body y", "body z"]),
+            Self::World => ("world", &["east", "north", "up"], &["east", "north", "the vertical"]),
+            Self::Wheel => ("wheel", &["axis"], &["the wheel's axis"]),
+            Self::Hinge => ("hinge", &["axis"], &["the hinge"]),
         }
     }
 }
@@ -162,36 +154,32 @@ pub fn dependences(
     for residual in residuals {
         count += residual.checked()?;
     }
-    if count == 0 {
-        return Err(DependenceError::TooFewValues { given: 0 });
-    }
     let frames = joined(residuals);
     let Some((first, body)) = frames.first() else { return Err(DependenceError::TooFewValues { given: 0 }) };
     let world = frames.iter().find(|(frame, _)| *frame == Frame::World).map(|(_, axes)| axes);
     let variables = together(variables);
-    let total: f64 = sum_of_squares(body).iter().sum();
+    let total: f64 = body.iter().flatten().map(|(value, sigma)| (value / sigma).powi(2)).sum();
     let noise = body.iter().flatten().filter(|(_, sigma)| sigma.is_finite()).count().max(1) as f64;
     let folds = folds(count);
 
-    let constant = |axis: &Vec<(f64, f64)>| regression::constant_explains(axis, &folds).max(0.0);
-    let constant_body: f64 = body.iter().map(constant).sum();
+    let alone = |axis| constant_explains(&[axis], &|_, _| Vector3::x(), &folds).max(0.0);
+    let constant_body: f64 = body.iter().map(alone).sum();
     // In body axes, where the noise is: about a horizontal axis it may be far smaller than about the vertical.
     let r_world_body: Vec<Matrix3<f64>> = residuals.iter().flat_map(|r| r.r_world_body.clone()).collect();
-    let constant_world = regression::constant_in_world_explains(body, &r_world_body, &folds).max(0.0);
+    let in_world =
+        |i: usize, k: usize| r_world_body.get(k).map_or_else(Vector3::zeros, |r| r.column(i).into());
+    let constant_world = constant_explains(&body.each_ref(), &in_world, &folds).max(0.0);
 
     let mut found = Vec::new();
     for variable in variables.iter().filter(|v| v.value.len() == count) {
-        let Some(regression) = Regression::new(variable, &folds) else { continue };
-        let mut best = (*first, regression.fit(body), body);
-        if let Some(world) = world {
-            let in_world = regression.fit(world);
-            if in_world.explained_total() > best.1.explained_total() + FRAME_MARGIN * total {
-                best = (Frame::World, in_world, world);
-            }
-        }
-        let (frame, fit, axes) = best;
-        let shape = Shape::of(&regression, &fit, axes);
-        found.push((variable, frame, fit.explained, shape));
+        let Some(basis) = basis(variable) else { continue };
+        let in_frame = |frame, axes| (frame, fit(basis, variable, axes, &folds));
+        let explained = |(_, fit): &(Frame, Fit)| fit.explained.iter().sum::<f64>();
+        let in_first = in_frame(*first, body);
+        let in_world = world.map(|world| in_frame(Frame::World, world));
+        let is_better = |found: &(Frame, Fit)| explained(found) > explained(&in_first) + FRAME_MARGIN * total;
+        let (frame, fit) = in_world.filter(is_better).unwrap_or(in_first);
+        found.push((variable, frame, fit.explained, Shape::of(&fit)));
     }
 
     // The explained part cannot exceed the total: an overestimated noise must not cause shares above one.
@@ -219,7 +207,12 @@ pub fn dependences(
         })
         .collect();
     ranked.sort_by(|a, b| b.share.total_cmp(&a.share));
-    leave_out_needless(&mut ranked);
+    // The rate about each axis' own is worth a word only where it explains more than the rate about one.
+    let is_own = |d: &Dependence| d.variable == RATE_ABOUT_SAME_AXIS;
+    let best = ranked.iter().filter(|d| !is_own(d)).map(|d| d.share).fold(0.0, f64::max);
+    ranked.retain(|d| !is_own(d) || d.share > best + OWN_AXES_MARGIN);
+    // The line with the largest share of its axis' power, among all runs.
+    let lines = residuals.iter().filter_map(spectral_line);
     Ok(Dependences {
         mean_square_whitened: total / noise,
         excess: ((total - noise) / total.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0),
@@ -229,15 +222,8 @@ pub fn dependences(
         mean_b_n_m: body.each_ref().map(|axis| mean(axis)),
         mean_world_n_m: world.map_or([0.0; 3], |axes| axes.each_ref().map(|axis| mean(axis))),
         ranked,
-        line: strongest_line(residuals),
+        line: lines.max_by(|a, b| a.share.total_cmp(&b.share)),
     })
-}
-
-/// The rate about each axis' own is worth a word only where it explains more than the rate about one.
-fn leave_out_needless(ranked: &mut Vec<Dependence>) {
-    let best =
-        ranked.iter().filter(|d| d.variable != RATE_ABOUT_SAME_AXIS).map(|d| d.share).fold(0.0, f64::max);
-    ranked.retain(|d| d.variable != RATE_ABOUT_SAME_AXIS || d.share > best + OWN_AXES_MARGIN);
 }
 
 /// All residuals one after the other, in each frame that they have in common with the first.
@@ -271,20 +257,10 @@ fn together(runs: &[Vec<Variable>]) -> Vec<Variable> {
     joined.flatten().collect()
 }
 
-/// The line with the largest share of its axis' power, among all runs.
-fn strongest_line(residuals: &[Residual]) -> Option<SpectralLine> {
-    let lines = residuals.iter().filter_map(spectral_line);
-    lines.max_by(|a, b| a.share.total_cmp(&b.share))
-}
-
 /// The fold of each value: stretches of time, assigned in turn, so that each fold covers the whole run.
 fn folds(count: usize) -> Vec<usize> {
     let stretches = (count / 4).clamp(FOLDS, 8 * FOLDS);
     (0..count).map(|i| (i * stretches / count) % FOLDS).collect()
-}
-
-fn sum_of_squares(axes: &Axes) -> [f64; 3] {
-    axes.each_ref().map(|axis| axis.iter().map(|(value, sigma)| (value / sigma).powi(2)).sum())
 }
 
 fn mean(axis: &[(f64, f64)]) -> f64 {

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::regression::{Fit, Regression};
+use super::regression::Fit;
 
 /// Number of points of a curve.
 const PLACES: usize = 41;
@@ -47,32 +47,24 @@ pub struct Shape {
 }
 
 impl Shape {
-    pub(super) fn of(regression: &Regression, fit: &Fit, axes: &[Vec<(f64, f64)>; 3]) -> Self {
-        let (low, high) = regression.basis.range();
+    pub(super) fn of(fit: &Fit) -> Self {
+        let (low, high) = (fit.basis.low, fit.basis.high);
         let x: Vec<f64> = (0..PLACES).map(|k| low + (high - low) * k as f64 / (PLACES - 1) as f64).collect();
-        let mut shape = Self {
-            torque_n_m: [const { Vec::new() }; 3],
-            stddev_n_m: [const { Vec::new() }; 3],
-            periodic: regression.periodic,
-            x,
-        };
-        for (i, axis) in axes.iter().enumerate() {
-            let Some((coefficients, covariance)) = regression.curve(i, axis, fit.penalty[i]) else {
-                continue;
-            };
-            for x in &shape.x {
-                let functions = regression.basis.at(*x);
+        let curves = fit.curves.each_ref().map(|curve| {
+            let Some((coefficients, covariance)) = curve else { return (Vec::new(), Vec::new()) };
+            let at = |x: &f64| {
+                let functions = fit.basis.at(*x);
+                let variance_with =
+                    |j: usize| functions.iter().map(|(k, b)| b * covariance[(j, *k)]).sum::<f64>();
+                let variance: f64 = functions.iter().map(|(j, a)| a * variance_with(*j)).sum();
                 let value: f64 = functions.iter().map(|(j, b)| b * coefficients[*j]).sum();
-                let variance: f64 = functions
-                    .iter()
-                    .flat_map(|(j, a)| functions.iter().map(move |(k, b)| (*j, *k, a * b)))
-                    .map(|(j, k, ab)| ab * covariance[(j, k)])
-                    .sum();
-                shape.torque_n_m[i].push(value);
-                shape.stddev_n_m[i].push(variance.max(0.0).sqrt());
-            }
-        }
-        shape
+                (value, variance.max(0.0).sqrt())
+            };
+            x.iter().map(at).unzip()
+        });
+        let periodic = fit.basis.periodic;
+        let [a, b, c] = curves;
+        Self { torque_n_m: [a.0, b.0, c.0], stddev_n_m: [a.1, b.1, c.1], periodic, x }
     }
 
     /// The axis on which the curve is largest: by its mean square, each place weighted by what is known of it.
@@ -96,6 +88,11 @@ impl Shape {
         Some(a + (b - a) * (place - first as f64))
     }
 
+    /// The curve at a place on both sides of zero.
+    fn both(&self, axis: usize, x: f64) -> Option<(f64, f64)> {
+        self.at(axis, x).zip(self.at(axis, -x))
+    }
+
     /// How far the data reach to both sides of zero; `None` if one side is under half of the other.
     fn both_sides(&self) -> Option<f64> {
         let (low, high) = (*self.x.first()?, *self.x.last()?);
@@ -108,11 +105,7 @@ impl Shape {
     pub fn parity(&self, axis: usize) -> Parity {
         let Some(reach) = self.both_sides() else { return Parity::None };
         let (mut odd, mut even) = (0.0, 0.0);
-        for k in 1..=20 {
-            let x = reach * f64::from(k) / 20.0;
-            let (Some(right), Some(left)) = (self.at(axis, x), self.at(axis, -x)) else {
-                return Parity::None;
-            };
+        for (right, left) in (1..=20).filter_map(|k| self.both(axis, reach * f64::from(k) / 20.0)) {
             odd += (0.5 * (right - left)).powi(2);
             even += (0.5 * (right + left)).powi(2);
         }
@@ -127,24 +120,21 @@ impl Shape {
     /// else the curve itself if the data begin near zero.
     #[must_use]
     pub fn growth(&self, axis: usize) -> Growth {
-        if self.periodic {
+        let (Some(low), Some(high), false) = (self.x.first(), self.x.last(), self.periodic) else {
             return Growth::Unclear;
-        }
-        let (Some(low), Some(high)) = (self.x.first(), self.x.last()) else { return Growth::Unclear };
-        let value = |x: f64| match self.both_sides() {
-            Some(_) => Some(0.5 * (self.at(axis, x)? - self.at(axis, -x)?)),
-            None if low.abs() < 0.2 * high.abs() => self.at(axis, x),
-            None if high.abs() < 0.2 * low.abs() => self.at(axis, -x),
+        };
+        let reach = self.both_sides();
+        let value = |share: f64| match reach {
+            Some(reach) => self.both(axis, share * reach).map(|(right, left)| 0.5 * (right - left)),
+            None if low.abs() < 0.2 * high.abs() || high.abs() < 0.2 * low.abs() => {
+                self.at(axis, share * if high.abs() > low.abs() { *high } else { *low })
+            }
             None => None,
         };
-        let reach = self.both_sides().unwrap_or(high.abs().max(low.abs()));
-        let (Some(half), Some(full)) = (value(0.45 * reach), value(0.9 * reach)) else {
-            return Growth::Unclear;
-        };
-        match full / half {
-            ratio if (0.5..1.45).contains(&ratio) => Growth::Saturates,
-            ratio if (1.6..2.5).contains(&ratio) => Growth::Linear,
-            ratio if ratio >= 2.7 => Growth::Superlinear,
+        match value(0.9).zip(value(0.45)).map(|(full, half)| full / half) {
+            Some(ratio) if (0.5..1.45).contains(&ratio) => Growth::Saturates,
+            Some(ratio) if (1.6..2.5).contains(&ratio) => Growth::Linear,
+            Some(ratio) if ratio >= 2.7 => Growth::Superlinear,
             _ => Growth::Unclear,
         }
     }

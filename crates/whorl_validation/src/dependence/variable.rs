@@ -59,12 +59,8 @@ pub fn conditions(recording: &Recording, model: &PlatformModel, states: &[Smooth
             let number = |of: &[f64]| of.get(j).copied().unwrap_or(f64::NAN);
             let stddev = typical(states, |state| number(&state.wheel_speed_stddev_rad_s));
             let speed = states.iter().map(|state| number(&state.wheel_speed_rad_s)).collect();
-            all.push(Variable::new(
-                Component::new(Channel::WheelSpeed, 0, j).name(&wheels),
-                "rad/s",
-                CONSTANT_STDDEVS * stddev,
-                speed,
-            ));
+            let name = Component::new(Channel::WheelSpeed, 0, j).name(&wheels);
+            all.push(Variable::new(name, "rad/s", CONSTANT_STDDEVS * stddev, speed));
         }
         let resolution = CONSTANT_COMMAND * wheel.max_torque_n_m;
         let command = held(&recording.wheel_torque_command_n_m, &time_s, j);
@@ -94,30 +90,25 @@ pub(super) const RATE_ABOUT_SAME_AXIS: &str = "rate_about_the_same_axis";
 fn of_body(states: &[SmoothedState]) -> Vec<Variable> {
     let angle_rad = CONSTANT_STDDEVS * typical(states, |state| state.attitude_stddev_b_rad.max());
     let rate_rad_s = CONSTANT_STDDEVS * typical(states, |state| state.omega_stddev_b_rad_s.max());
-    let of_vertical = |name: &str, f: &dyn Fn(&Vector3<f64>) -> f64| {
-        let value = states.iter().map(|state| f(&vertical_b(&state.q_world_body))).collect();
-        Variable::new(name, "rad", angle_rad, value)
+    let all = |of: &dyn Fn(&SmoothedState) -> f64| -> Vec<f64> { states.iter().map(of).collect() };
+    let of_vertical = |name: &str, f: fn(Vector3<f64>) -> f64| {
+        Variable::new(name, "rad", angle_rad, all(&|state| f(vertical_b(&state.q_world_body))))
     };
-    let of_rate = |name: &str, f: &dyn Fn(&Vector3<f64>) -> f64| {
-        Variable::new(
-            name,
-            "rad/s",
-            rate_rad_s,
-            states.iter().map(|state| f(&state.omega_wb_b_rad_s)).collect(),
-        )
+    let of_rate = |name: &str, f: fn(&Vector3<f64>) -> f64| {
+        Variable::new(name, "rad/s", rate_rad_s, all(&|state| f(&state.omega_wb_b_rad_s)))
     };
-    let rate = |i: usize| states.iter().map(|state| state.omega_wb_b_rad_s[i]).collect();
-    let azimuth = states.iter().map(|state| azimuth_rad(&state.q_world_body)).collect();
+    let azimuth = all(&|state| azimuth_rad(&state.q_world_body));
+    let of_other_axes = Some([1, 2].map(|i| all(&|state| state.omega_wb_b_rad_s[i])));
     vec![
-        of_vertical("tilt", &|k| k.x.hypot(k.y).atan2(k.z)),
-        of_vertical("tilt_x", &|k| k.y.atan2(k.z)),
-        of_vertical("tilt_y", &|k| (-k.x).atan2(k.z)),
+        of_vertical("tilt", |k| k.x.hypot(k.y).atan2(k.z)),
+        of_vertical("tilt_x", |k| k.y.atan2(k.z)),
+        of_vertical("tilt_y", |k| (-k.x).atan2(k.z)),
         Variable { period: Some(TAU), ..Variable::new("azimuth", "rad", angle_rad, azimuth) },
-        of_rate("roll_rate", &|w| w.x),
-        of_rate("pitch_rate", &|w| w.y),
-        of_rate("yaw_rate", &|w| w.z),
-        of_rate("rate_magnitude", &Vector3::norm),
-        Variable { of_other_axes: Some([1, 2].map(rate)), ..of_rate(RATE_ABOUT_SAME_AXIS, &|w| w.x) },
+        of_rate("roll_rate", |w| w.x),
+        of_rate("pitch_rate", |w| w.y),
+        of_rate("yaw_rate", |w| w.z),
+        of_rate("rate_magnitude", Vector3::norm),
+        Variable { of_other_axes, ..of_rate(RATE_ABOUT_SAME_AXIS, |w| w.x) },
     ]
 }
 

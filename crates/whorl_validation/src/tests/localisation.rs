@@ -14,7 +14,7 @@ use crate::dependence::{Growth, Parity};
 use crate::{Localisation, explain_where, unexplained_torques};
 
 fn located(recording: &whorl_recording::Recording, model: &PlatformModel) -> Localisation {
-    explain_where(&[(recording, &unexplained_torques(recording, model).unwrap())], model).unwrap()
+    explain_where(&[(recording, &unexplained_torques(recording, model, None).unwrap())], model).unwrap()
 }
 
 fn with_effect(model: &PlatformModel, id: &str, parameters: &[(&str, f64)]) -> PlatformModel {
@@ -64,7 +64,7 @@ fn a_draught_is_found_within_its_deviation() {
     let expected = Vector3::new(0.02, 0.0, -0.01);
     let truth = with_effect(&model, "air_current", &[("t_x_n_m", expected.x), ("t_z_n_m", expected.z)]);
     let recording = record(&truth, &turning());
-    let found = unexplained_torques(&recording, &model).unwrap();
+    let found = unexplained_torques(&recording, &model, None).unwrap();
     let (mut inside, mut all, mut mean) = (0, 0, Vector3::zeros());
     for state in &found.states {
         let off = state.torque_b_n_m - state.q_world_body.inverse_transform_vector(&expected);
@@ -172,9 +172,9 @@ fn what_a_run_does_not_show_is_said() {
         "{:?}",
         where_.remarks
     );
-    let short = unexplained_torques(&still(40), &model).unwrap_err().to_string();
+    let short = unexplained_torques(&still(40), &model, None).unwrap_err().to_string();
     assert_eq!(short, "still: 40 readings of the gyro are too few; record at least 50");
     let nothing = Recording { name: "empty".to_owned(), ..Recording::default() };
-    let empty = unexplained_torques(&nothing, &model).unwrap_err().to_string();
+    let empty = unexplained_torques(&nothing, &model, None).unwrap_err().to_string();
     assert!(empty.starts_with("empty: there are no gyro data"), "{empty}");
 }

@@ -148,7 +148,7 @@ fn the_residual_torque_of_a_shaft_is_along_it() {
         "bearing_viscous_friction".to_owned(),
         std::collections::BTreeMap::from([("c_n_m_s".to_owned(), friction_n_m_s)]),
     );
-    let found = crate::unexplained_torques(&record(&truth, &GIMBAL), &model).unwrap();
+    let found = crate::unexplained_torques(&record(&truth, &GIMBAL), &model, None).unwrap();
     let (mut product, mut square) = (0.0, 0.0);
     for state in &found.states {
         let (torque, rate) = (&state.torque_b_n_m, &state.omega_wb_b_rad_s);
