@@ -20,7 +20,7 @@ const NEEDS: Needs = Needs { shortest_s: 0.5, free: false, accelerometer: false 
 /// Recordings that can be used, and the model with those low-passes that delay.
 pub(crate) struct Case<'a> {
     pub training: Cow<'a, [Recording]>,
-    held_out: Cow<'a, [Recording]>,
+    pub held_out: Cow<'a, [Recording]>,
     pub reference: Reference,
     pub available: Available,
     /// What was left out of them, in sentences.
@@ -75,10 +75,7 @@ impl<'a> Case<'a> {
 }
 
 /// The same model, with as much of these recordings taken in together as all of them allow.
-pub(crate) fn with_cells_of(
-    mut reference: Reference,
-    all: &[&[Recording]],
-) -> Result<Reference, DiagnosisError> {
+fn with_cells_of(mut reference: Reference, all: &[&[Recording]]) -> Result<Reference, DiagnosisError> {
     let prediction = &mut reference.settings.prediction;
     for recordings in all {
         prediction.cell_s = longest_cell_s(recordings, &reference.model, prediction)?;
@@ -87,7 +84,7 @@ pub(crate) fn with_cells_of(
 }
 
 /// Recordings that can be used, without readings that say nothing, and what was left out.
-pub(crate) fn checked<'a>(
+fn checked<'a>(
     recordings: &'a [Recording],
     model: &PlatformModel,
 ) -> Result<(Cow<'a, [Recording]>, Vec<String>), DiagnosisError> {

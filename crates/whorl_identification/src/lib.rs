@@ -34,7 +34,6 @@ mod tests;
 mod threads;
 mod verdict;
 
-pub(crate) use case::{checked, with_cells_of};
 pub use diagnose::{diagnose, with_low_passes_that_delay};
 pub use discovery::{Discovery, DiscoveryError, Drawn, DrawnPoint, EvaluatedLaw, FittedValue, discover};
 pub use error::DiagnosisError;

@@ -182,6 +182,18 @@ settings! {
     /// Drop of the whitened misfit that cannot be overlooked, in variances of the noise: an effect of usual size would have shown, a line in
     /// the samples is there, a step went too far \[1\]. Derived from five and a half standard deviations.
     clear_misfit: f64 = 30.0, Allowed::Positive;
+    /// Error of predictions, over that of noise, up to which nothing without a name is said to be missing \[1\]. Assumption: no friction, plenum or fan
+    /// follows its law to better than a tenth (`misspecification`).
+    at_the_noise: f64 = 1.1, Allowed::Positive;
+    /// The same from which on something is missing, whatever the sets that were compared say of each other \[1\]. Assumption: half as much again as noise;
+    /// less is what a random torque adds that is taken into account and is no part of a prediction.
+    above_the_noise: f64 = 1.5, Allowed::Positive;
+    /// Gain of log likelihood, over half the squared distance of the effects from none in deviations, from which something else than these effects
+    /// made it \[1\]. Derived: deviations that are wrong by a factor of two.
+    most_over_effects: f64 = 4.0, Allowed::Positive;
+    /// Share of the gyro's readings that must be within its range for these to name anything \[1\]. Assumption: half of them; those that are left
+    /// were chosen by their values.
+    least_within_range: f64 = 0.5, Allowed::Share;
     /// Standard deviations from which the residual is worth a search, and by which the noise of a run is odd \[1\]. Derived: chance in
     /// one of two hundred run sets, over four windows.
     noticed_stddevs: f64 = 3.0, Allowed::Positive;

@@ -8,18 +8,17 @@ const FEWEST: usize = 30;
 const NORMAL_MEDIAN: f64 = 0.6745;
 /// If the median's estimate is below this share of the mean's, the values are digitised too coarsely for the median.
 const COARSE: f64 = 0.3;
-/// Stamps that scatter by more than this share of their interval are not regular samples with jitter.
-const MOST_JITTER: f64 = 0.2;
 
 /// Standard deviation of the noise of one sample, from second differences of neighbouring samples: they contain almost
-/// no motion, and the variance of x1 - 2 x2 + x3 is six times that of white noise. The median is robust to jet edges,
-/// the mean to coarse digitisation. `None` for fewer than 30 values, or if all second differences are zero.
+/// no motion, and the variance of x1 - 2 x2 + x3 is six times that of white noise. Where noise hangs together ([`samples_together`]) the three are as far
+/// apart as it does. The median is robust to jet edges, the mean to coarse digitisation. `None` for fewer than 30 values, or if all second differences
+/// are zero.
 #[must_use]
 pub fn from_second_differences(values: &[f64]) -> Option<f64> {
     if values.len() < FEWEST {
         return None;
     }
-    let bends: Vec<f64> = second_differences(values).collect();
+    let bends: Vec<f64> = second_differences_at(values, samples_together(values)).collect();
     let rms = (bends.iter().map(|d| d * d).sum::<f64>() / bends.len() as f64 / 6.0).sqrt();
     let typical = median(bends) / (NORMAL_MEDIAN * 6f64.sqrt());
     let spread = if typical > COARSE * rms { typical } else { rms };
@@ -28,7 +27,52 @@ pub fn from_second_differences(values: &[f64]) -> Option<f64> {
 
 /// |x1 - 2 x2 + x3| of all neighbouring samples.
 pub fn second_differences(values: &[f64]) -> impl Iterator<Item = f64> + '_ {
-    values.windows(3).map(|w| if let [a, b, c] = w { (c - 2.0 * b + a).abs() } else { 0.0 })
+    second_differences_at(values, 1)
+}
+
+/// The same of samples so many apart.
+fn second_differences_at(values: &[f64], lag: usize) -> impl Iterator<Item = f64> + '_ {
+    let bend = move |w: &[f64]| Some((w.first()? - 2.0 * w.get(lag)? + w.last()?).abs());
+    values.windows(2 * lag + 1).filter_map(bend)
+}
+
+/// So many times its first lags are looked at, each twice the one before.
+const LAGS: u32 = 9;
+/// Squares of second differences stay where they are while they grow by less than this from one lag to twice that, and behind it not as noise
+/// that hangs together still, twofold. ...
+const STAYS: f64 = 1.25;
+const TOGETHER_STILL: f64 = 2.0;
+/// ... Where they grow by more than this, motion makes them: the integral of noise eightfold and more, and every smooth motion.
+const MOTION: f64 = 4.0;
+/// Noise of neighbours has less than this share of the variance of noise of samples far apart where it hangs together.
+const TOGETHER: f64 = 0.25;
+/// Where so much of that variance is reached, readings count as independent: one in w of a running mean over w.
+const APART: f64 = 0.8;
+
+/// Over how many samples the noise of a series hangs together, as where its maker took a running mean or a low-pass: one sample in so
+/// many says what all of them do. 1 where noise is white, or hidden by motion.
+///
+/// With r the correlation of noise, squares of second differences at lag k are 6 - 8 r(k) + 2 r(2 k) of its variance: all the same where it is
+/// white, growing from nothing to a plateau where it hangs together. Motion grows on, and faster.
+#[must_use]
+pub fn samples_together(values: &[f64]) -> usize {
+    let values: Vec<f64> = values.iter().copied().filter(|x| x.is_finite()).collect();
+    let square = |lag: usize| median(second_differences_at(&values, lag)).powi(2);
+    let lags = (0..LAGS).map(|n| 1_usize << n).take_while(|lag| FEWEST * lag < values.len());
+    let mut squares: Vec<(usize, f64)> = Vec::new();
+    for lag in lags {
+        squares.push((lag, square(lag)));
+        let [first, .., (before, low), (_, middle), (_, high)] = squares.as_slice() else { continue };
+        if *high > MOTION * middle || *middle > MOTION * low || first.1 <= 0.0 {
+            return 1;
+        }
+        if *middle < STAYS * low && *high < TOGETHER_STILL * middle {
+            let together = first.1 < TOGETHER * low;
+            let least = (1..=*before).find(|lag| square(*lag) > APART * low);
+            return least.filter(|_| together).unwrap_or(1);
+        }
+    }
+    1
 }
 
 /// Typical time between stamps \[s\]: the median. 0.01 s where there are fewer than two.
@@ -36,17 +80,6 @@ pub fn second_differences(values: &[f64]) -> impl Iterator<Item = f64> + '_ {
 pub fn typical_step_s(time_s: &[f64]) -> f64 {
     let typical = median(time_s.windows(2).map(|w| if let [a, b] = w { b - a } else { f64::NAN }));
     if typical.is_nan() { 0.01 } else { typical }
-}
-
-/// Standard deviation of stamps about a regular interval \[s\], from their second differences; by the median, since
-/// samples may be lost. 0 if samples are irregular.
-#[must_use]
-pub fn stamp_jitter_s(time_s: &[f64]) -> f64 {
-    if time_s.len() < 12 {
-        return 0.0;
-    }
-    let jitter_s = median(second_differences(time_s)) / NORMAL_MEDIAN / 6f64.sqrt();
-    if jitter_s < MOST_JITTER * typical_step_s(time_s) { jitter_s } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -63,17 +96,43 @@ mod tests {
         (0..count).map(move |_| sigma * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0))
     }
 
-    fn scattered(sigma: f64) -> Vec<f64> {
-        noise(sigma, 20_000).enumerate().map(|(i, jitter)| 0.005 * i as f64 + jitter).collect()
-    }
-
     #[test]
-    fn jitter_is_found_and_even_stamps_have_none() {
-        let found = stamp_jitter_s(&scattered(3e-4));
-        assert!((found / 3e-4 - 1.0).abs() < 0.05, "{found}");
-        assert!(stamp_jitter_s(&scattered(0.0)) < 1e-12);
-        // Irregular samples have no jitter.
-        assert_eq!(stamp_jitter_s(&scattered(2e-3)), 0.0);
+    fn smoothed_noise_hangs_together_and_white_noise_and_motion_do_not() {
+        let white: Vec<f64> = noise(1.0, 12_000).collect();
+        let ramp = |k: usize| 0.02 * (k as f64 - 6000.0).abs();
+        let of =
+            |x: &[f64]| samples_together(&x.iter().enumerate().map(|(k, x)| x + ramp(k)).collect::<Vec<_>>());
+        assert_eq!(of(&white), 1);
+        // Running means over w: sums of w that follow each other have nothing in common.
+        for w in [8, 21, 40] {
+            let mean: Vec<f64> = white.windows(w).map(|x| x.iter().sum::<f64>() / w as f64).collect();
+            assert!((0.6..1.5).contains(&(of(&mean) as f64 / w as f64)), "{w}: {}", of(&mean));
+            let found = from_second_differences(&mean).unwrap() * (w as f64).sqrt();
+            assert!((0.85..1.15).contains(&found), "{w}: {found}");
+        }
+        // A low-pass of first order: as independent as a correlation of 0.16 after 1.9 of its times.
+        let mut low = 0.0;
+        let passed: Vec<f64> = white
+            .iter()
+            .map(|x| {
+                low += (x - low) / 10.0;
+                low
+            })
+            .collect();
+        assert!((12..30).contains(&of(&passed)), "{}", of(&passed));
+        // Speeds that noise drives, and motion that is read without noise.
+        let mut sum = 0.0;
+        let walk: Vec<f64> = white
+            .iter()
+            .map(|x| {
+                sum += x;
+                sum
+            })
+            .collect();
+        assert_eq!(of(&walk), 1);
+        let swing: Vec<f64> = (0..12_000).map(|k| (0.05 * k as f64).sin()).collect();
+        assert_eq!(of(&swing), 1);
+        assert_eq!(of(&[0.0; 10]), 1);
     }
 
     #[test]

@@ -371,9 +371,14 @@ impl<'a> Beside<'a> {
         let window = self.reference.settings.window_nats;
         let mut of_views: Vec<std::vec::IntoIter<Proposal>> = Vec::new();
         for view in &self.views {
-            let mut own = self.proposals_of(view, with_pairs);
-            let least = own.first().map_or(0.0, |best| best.gain - window);
-            own.retain(|proposal| proposal.gain >= least);
+            let all = self.proposals_of(view, with_pairs);
+            let least = all.first().map_or(0.0, |best| best.gain - window);
+            let mut own: Vec<Proposal> = Vec::new();
+            for proposal in all.iter().take_while(|proposal| proposal.gain >= least) {
+                // What a pair is worth shows beside the better half of it.
+                own.extend(better_half(&all, proposal).cloned());
+                own.push(proposal.clone());
+            }
             of_views.push(own.into_iter());
         }
         let mut all: Vec<Proposal> = Vec::new();
@@ -552,6 +557,15 @@ impl<'a> Beside<'a> {
     pub fn by_run(&self) -> &[Hints] {
         self.views.first().map_or(&[], |view| &view.by_run)
     }
+}
+
+/// The likeliest of `all` sets that a set has and one effect more; `None` where there is none, all that is proposed beside a set holding it.
+fn better_half<'p>(all: &'p [Proposal], of: &Proposal) -> Option<&'p Proposal> {
+    let effects = &of.hypothesis.effects;
+    all.iter().find(|half| {
+        half.hypothesis.effects.len() + 1 == effects.len()
+            && half.hypothesis.effects.iter().all(|id| effects.contains(id))
+    })
 }
 
 /// Prior variance of a column of which nothing is known, in its unit.

@@ -87,6 +87,12 @@ impl Evaluated {
         (squares.sum::<f64>() / (3 * runs.len()).max(1) as f64).sqrt()
     }
 
+    /// log p of training and held-out runs as the model predicts them without random torques.
+    pub fn log_without_random_torques(&self) -> f64 {
+        let runs = self.fitted.followed.iter().chain(&self.held_out);
+        runs.map(|run| run.undisturbed_likelihood.log).sum()
+    }
+
     /// Whether one of its effects would have to be larger than any platform has it.
     pub fn is_at_the_end_of_a_range(&self) -> bool {
         let is_own = |(i, column): &(usize, &Column)| {
@@ -98,14 +104,21 @@ impl Evaluated {
         self.columns.iter().enumerate().any(|column| is_own(&column))
     }
 
-    /// Half the squared distance of its effects from none, in deviations: what they gain by themselves.
-    pub fn gain_of_effects(&self) -> f64 {
-        let own: Vec<usize> =
-            (0..self.columns.len()).filter(|i| self.names().contains(&self.columns[*i].group)).collect();
-        let at = nalgebra::DVector::from_iterator(own.len(), own.iter().map(|i| self.fitted.at[*i]));
-        let covariance =
-            nalgebra::DMatrix::from_fn(own.len(), own.len(), |a, b| self.fitted.covariance[(own[a], own[b])]);
-        covariance.cholesky().map_or(f64::INFINITY, |factor| 0.5 * at.dot(&factor.solve(&at)))
+    /// Half the squared distance of what it holds beside a smaller set from none, in deviations, at the shapes that were found: what these effects
+    /// gain by themselves. Infinite where that cannot be said, of effects that have no amplitude.
+    pub fn gain_of_effects_beside(&self, smaller: &[&'static str]) -> f64 {
+        let is_more =
+            |column: &Column| self.names().contains(&column.group) && !smaller.contains(&column.group);
+        let more: Vec<usize> = (0..self.columns.len()).filter(|i| is_more(&self.columns[*i])).collect();
+        // Without its amplitudes an effect does nothing, whatever shape it has.
+        let is_amplitude = |i: &usize| self.columns[*i].role == Role::Amplitude;
+        let at = nalgebra::DVector::from_iterator(
+            more.len(),
+            more.iter().map(|i| if is_amplitude(i) { self.fitted.at[*i] } else { 0.0 }),
+        );
+        let covariance = self.fitted.covariance.select_rows(&more).select_columns(&more);
+        let distance = covariance.cholesky().map(|factor| 0.5 * at.dot(&factor.solve(&at)));
+        distance.filter(|_| more.iter().any(is_amplitude)).unwrap_or(f64::INFINITY)
     }
 }
 

@@ -12,12 +12,12 @@ use whorl_math::statistics::normal_probability;
 use whorl_prediction::{Followed, Hints, Noise, Prepared, follow};
 use whorl_recording::Recording;
 
+use crate::case::Case;
 use crate::fitting::normal_equations::{Estimate, Normal};
-use crate::parameter_space::Reference;
 use crate::parameter_space::available::Available;
 use crate::selection::prior::{SIZES, log_prior, size_penalty_nats};
 use crate::selection::{Beside, Evaluated, Runs, Selection, is_excluded};
-use crate::{DiagnosisError, Options, checked, threads, with_cells_of};
+use crate::{DiagnosisError, Options, threads};
 
 /// Information in data on which explanation is true: as it is, or as it is expected to be.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -61,19 +61,14 @@ pub fn expected_information(
     for id in explanations.iter().flatten() {
         find(id).ok_or_else(|| DiagnosisError::UnknownEffect { id: id.clone() })?;
     }
-    let model = options.delaying.as_ref().unwrap_or(model);
+    // Low-passes are as stated where nobody has found otherwise.
+    let delaying = options.delaying.as_ref().unwrap_or(model);
+    let as_stated = Options { delaying: Some(delaying.clone()), ..options.clone() };
+    let mut case = Case::new(training, further, model, prior, &as_stated)?;
     // Actuators and sensors that only the further recordings have make more effects testable.
-    let available = Available::of(training, model).or(&Available::of(further, model));
-    let (training, further) = (checked(training, model)?.0, checked(further, model)?.0);
-    let reference = with_cells_of(Reference::new(model, prior, options.settings), &[&training, &further])?;
-    let runs = Runs {
-        training: &training,
-        held_out: &[],
-        reference: &reference,
-        available: &available,
-        threads: options.threads,
-        each_reading: false,
-    };
+    case.available = Available::of(training, delaying).or(&Available::of(further, delaying));
+    let (available, further) = (&case.available, &*case.held_out);
+    let runs = Runs { held_out: &[], ..case.runs() };
     let mut selection = Selection::begun(runs, options)?;
     let leading = leading(&mut selection, explanations, options)?;
     let told = crate::selection::Told::of(&selection.observed, &selection.lines, available.sample_s);
@@ -86,7 +81,7 @@ pub fn expected_information(
         return Ok(nothing());
     };
     let at_hand = absolute(beside.by_run(), &beside);
-    let of_further = normals_of(&runs, &leading, &further, &beside)?;
+    let of_further = normals_of(&runs, &leading, further, &beside)?;
     let rivals: Vec<Rival<'_>> =
         explanations.iter().filter_map(|set| Rival::of(&beside, set, &at_hand)).collect();
     let most = rivals.iter().map(|rival| rival.weight).fold(f64::NEG_INFINITY, f64::max);

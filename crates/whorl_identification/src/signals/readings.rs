@@ -1,10 +1,11 @@
-//! Readings that say nothing, left out before everything else: those at the end of a sensor's range, and single ones that stand out.
+//! Readings that say nothing, left out before everything else: those at the end of a sensor's range, single ones that stand out, and those that
+//! smoothing made of others.
 
 use std::borrow::Cow;
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
-use whorl_math::noise::second_differences;
+use whorl_math::noise::{samples_together, second_differences, typical_step_s};
 use whorl_math::statistics::median;
 use whorl_recording::{Recording, Series};
 
@@ -25,26 +26,33 @@ const NEIGHBOURS_AGREE: f64 = 0.5;
 /// What stands out more often than this is no accident of single readings.
 const LARGEST_SHARE: f64 = 0.01;
 
-/// A recording without readings of gyro and accelerometer that say nothing of the motion, and what was left out, in sentences. Of a body
-/// that is held they all say the same, and nothing is left out.
+/// A recording without readings that say nothing of the motion, and what was left out, in sentences. Of a body that is held gyro and accelerometer
+/// all say the same, and nothing of theirs is left out.
 #[must_use]
 pub fn usable_readings<'a>(run: &'a Recording, model: &PlatformModel) -> (Cow<'a, Recording>, Vec<String>) {
-    let (mut usable, mut remarks) = (Cow::Borrowed(run), Vec::new());
-    if is_clamped(run, model) {
-        return (usable, remarks);
+    let (sensors, name, mut remarks) = (&model.sensors, &run.name, Vec::new());
+    let (mut gyro, mut force, mut speed) =
+        (run.gyro_b_rad_s.clone(), run.specific_force_b_m_s2.clone(), run.wheel_speed_rad_s.clone());
+    if !is_clamped(run, model) {
+        let piles_up_at = digits_of_gyro(run, model).clips_at_rad_s.unwrap_or(f64::INFINITY);
+        let gyro_end = (CLIPPED * sensors.gyro.errors.range).min(piles_up_at * (1.0 - AT_END));
+        left_out(&mut gyro, "gyro", gyro_end, name, &mut remarks);
+        let force_end = CLIPPED * sensors.accelerometer.errors.range;
+        left_out(&mut force, "accelerometer", force_end, name, &mut remarks);
+        thin(&mut gyro, |v, i| v.get(i).copied(), "gyro", name, &mut remarks);
+        thin(&mut force, |v, i| v.get(i).copied(), "accelerometer", name, &mut remarks);
     }
-    let sensors = &model.sensors;
-    let piles_up_at = digits_of_gyro(run, model).clips_at_rad_s.unwrap_or(f64::INFINITY);
-    let gyro_end = (CLIPPED * sensors.gyro.errors.range).min(piles_up_at * (1.0 - AT_END));
-    let (mut gyro, mut force) = (run.gyro_b_rad_s.clone(), run.specific_force_b_m_s2.clone());
-    let mut left_out = left_out(&mut gyro, "gyro", gyro_end, &run.name, &mut remarks);
-    let force_end = CLIPPED * sensors.accelerometer.errors.range;
-    left_out += self::left_out(&mut force, "accelerometer", force_end, &run.name, &mut remarks);
-    if left_out > 0 {
-        let usable = usable.to_mut();
-        (usable.gyro_b_rad_s, usable.specific_force_b_m_s2) = (gyro, force);
+    thin(&mut speed, |v, i| v.get(i).copied(), "wheel speed", name, &mut remarks);
+    if remarks.is_empty() {
+        return (Cow::Borrowed(run), remarks);
     }
-    (usable, remarks)
+    let usable = Recording {
+        gyro_b_rad_s: gyro,
+        specific_force_b_m_s2: force,
+        wheel_speed_rad_s: speed,
+        ..run.clone()
+    };
+    (Cow::Owned(usable), remarks)
 }
 
 /// The same of all recordings.
@@ -63,39 +71,57 @@ pub(crate) fn usable<'a>(
     (kept, remarks.concat())
 }
 
-/// Takes out what says nothing; how many samples that were. `end`: a reading this large is at the end of the sensor's range.
-fn left_out(
-    series: &mut Series<Vector3<f64>>,
-    what: &str,
-    end: f64,
-    run: &str,
-    remarks: &mut Vec<String>,
-) -> usize {
+/// Takes out what says nothing. `end`: a reading this large is at the end of the sensor's range.
+fn left_out(series: &mut Series<Vector3<f64>>, what: &str, end: f64, run: &str, remarks: &mut Vec<String>) {
     let all = series.len();
     let percent = |some: usize| 100.0 * some as f64 / all.max(1) as f64;
-    let clipped = keep(series, &within(&series.value, end));
+    let inside = within(&series.value, end);
+    let clipped = keep(series, |k| inside.get(k) != Some(&false));
     if clipped > 0 {
         remarks.push(format!(
             "{run}: {clipped} {what} samples at the end of the sensor's range were left out ({:.2} % of the run): move more gently.",
             percent(clipped)
         ));
     }
-    let spikes = keep(series, &ordinary(&series.value));
+    let ordinary = ordinary(&series.value);
+    let spikes = keep(series, |k| ordinary.get(k) != Some(&false));
     if spikes > 0 {
         remarks.push(format!(
             "{run}: {spikes} single {what} samples far from those before and after were left out ({:.2} % of the run): look for a loose connection or lost bits.",
             percent(spikes)
         ));
     }
-    clipped + spikes
+}
+
+/// Of a series whose noise hangs together over some samples, as it does where its maker smoothed it, keeps one in so many: taken as independent,
+/// all of them would claim to know what none of them does. `number`: of a sample, of one of its components.
+fn thin<T>(
+    series: &mut Series<T>,
+    number: impl Fn(&T, usize) -> Option<f64>,
+    what: &str,
+    run: &str,
+    remarks: &mut Vec<String>,
+) {
+    let component = |i: usize| series.value.iter().map(|v| number(v, i)).collect::<Option<Vec<f64>>>();
+    let moving =
+        (0..).map_while(|i| component(i).filter(|x| !x.is_empty())).filter(|x| !typical_bend(x).is_nan());
+    let together = moving.map(|x| samples_together(&x)).min().unwrap_or(1);
+    if together > 1 {
+        let together_s = together as f64 * typical_step_s(&series.time_s);
+        keep(series, |k| k % together == 0);
+        remarks.push(format!(
+            "{run}: the noise of the {what} hangs together over {together_s:.2} s: it was smoothed before it was recorded. One sample in {together} \
+             was used, as the others say nothing of their own."
+        ));
+    }
 }
 
 /// Keeps these samples; how many were not kept.
-fn keep(series: &mut Series<Vector3<f64>>, kept: &[bool]) -> usize {
-    let (mut of_times, mut of_values) = (kept.iter(), kept.iter());
+fn keep<T>(series: &mut Series<T>, is_kept: impl Fn(usize) -> bool) -> usize {
+    let (mut of_times, mut of_values) = (0.., 0..);
     let before = series.len();
-    series.time_s.retain(|_| of_times.next().copied().unwrap_or(true));
-    series.value.retain(|_| of_values.next().copied().unwrap_or(true));
+    series.time_s.retain(|_| of_times.next().is_none_or(&is_kept));
+    series.value.retain(|_| of_values.next().is_none_or(&is_kept));
     before - series.len()
 }
 

@@ -79,7 +79,8 @@ pub(crate) fn answer(
     let mut remarks: Vec<String> =
         runs.training.iter().flat_map(|run| missing_channels(run, &reference.model)).collect();
     remarks.extend(noise_remarks(&noise, settings));
-    let mut verdict = posterior.verdict(could_have_seen(beside.as_ref(), settings));
+    let would_have_shown = could_have_seen(beside.as_ref(), settings);
+    let mut verdict = posterior.verdict(would_have_shown);
     remarks.extend(direct.iter().map(|row| {
         let values = row.parameters.iter().map(|p| format!("{} = {:.4e} {}", p.name, p.estimate, p.unit));
         format!("{}: directly visible in the samples: {}", row.effect, values.collect::<Vec<_>>().join(", "))
@@ -101,8 +102,17 @@ pub(crate) fn answer(
         verdict = Verdict::Named;
         sets = vec![Vec::new()];
     }
-    let states_names = matches!(verdict, Verdict::Named | Verdict::Confounded);
     let mut explanations: Vec<Explanation> = posterior.all.iter().map(explanation).collect();
+    if !direct.is_empty() && share_left(runs.training, given.0) < settings.least_within_range {
+        remarks.push(format!(
+            "{:.0} % of the gyro's readings are at the end of its range: those that are left were chosen by their values, and nothing is named by them.",
+            100.0 * (1.0 - share_left(runs.training, given.0))
+        ));
+        verdict = Verdict::Named;
+        sets = vec![Vec::new()];
+        explanations.iter_mut().for_each(|explanation| explanation.effects.clear());
+    }
+    let states_names = matches!(verdict, Verdict::Named | Verdict::Confounded);
     let mut candidates = rows(selection, best.set, beside.as_ref());
     for row in direct.iter().filter(|_| states_names) {
         for set in sets.iter_mut().chain(explanations.iter_mut().map(|e| &mut e.effects)) {
@@ -143,6 +153,7 @@ pub(crate) fn answer(
         unknown,
         next: advice(verdict, &candidates),
         verdict,
+        would_have_shown,
         candidates,
         remarks,
         fitted: traced(selection, &posterior, applied_n_m),
@@ -164,6 +175,12 @@ pub(crate) fn answer(
             Ok(diagnosis)
         }
     }
+}
+
+/// Share of the gyro's readings that can be used.
+fn share_left(usable: &[Recording], given: &[Recording]) -> f64 {
+    let count = |runs: &[Recording]| runs.iter().map(|run| run.gyro_b_rad_s.len()).sum::<usize>() as f64;
+    if count(given) > 0.0 { count(usable) / count(given) } else { 1.0 }
 }
 
 /// Laws beside the best set, and beside no effects: the best set may only look like what is missing. None where a set leaves nothing: what
@@ -327,7 +344,7 @@ fn implausible_inertia(selection: &Selection<'_>, best: &Evaluated) -> Option<St
 }
 
 /// Advice of the catalogue on how to separate the remaining explanations.
-fn advice(verdict: Verdict, candidates: &[Candidate]) -> Option<NextManoeuvre> {
+pub(super) fn advice(verdict: Verdict, candidates: &[Candidate]) -> Option<NextManoeuvre> {
     let text = match verdict {
         Verdict::Confounded => find(&candidates.first()?.effect)?.info().separated_by.to_owned(),
         Verdict::NotEnoughInformation => {
@@ -349,7 +366,7 @@ fn explanation(weighted: &Weighted) -> Explanation {
 }
 
 /// Adds up explanations that hold the same, most probable first.
-fn merge(explanations: &mut Vec<Explanation>) {
+pub(super) fn merge(explanations: &mut Vec<Explanation>) {
     let mut merged: Vec<Explanation> = Vec::new();
     for one in explanations.drain(..) {
         match merged.iter_mut().find(|m| m.effects == one.effects && m.with_unknown == one.with_unknown) {

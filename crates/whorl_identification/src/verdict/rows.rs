@@ -108,14 +108,19 @@ fn own_normal(best: &Evaluated, beside: &Beside<'_>) -> Normal {
     normal
 }
 
-/// Log evidence and drop of the misfit that some columns of a set bring, about its optimum.
+/// Log evidence and drop of the misfit that some columns of a set bring, about its optimum. Without its amplitudes an effect does nothing, whatever
+/// its other values are: these are no part of it.
 fn without_columns(best: &Evaluated, out: &[usize], beside: &Beside<'_>) -> (f64, f64) {
     // Of data that the optimum explains exactly.
     let mut normal = own_normal(best, beside);
     normal.vector = &normal.matrix * nalgebra::DVector::from_column_slice(&best.fitted.at);
     let variance = |i: usize| best.stddevs[i].powi(2);
-    let all: Vec<usize> = (0..best.columns.len()).collect();
-    let kept: Vec<usize> = all.iter().copied().filter(|i| !out.contains(i)).collect();
+    let is_amplitude = |i: &usize| best.columns[*i].role == Role::Amplitude;
+    let kept: Vec<usize> = (0..best.columns.len()).filter(|i| !out.contains(i)).collect();
+    let all: Vec<usize> = kept.iter().copied().chain(out.iter().copied().filter(is_amplitude)).collect();
+    for i in out.iter().filter(|i| !is_amplitude(i)) {
+        normal.vector -= normal.matrix.column(*i) * best.fitted.at[*i];
+    }
     match (Estimate::new(&normal, &all, variance), Estimate::new(&normal, &kept, variance)) {
         (Some(with), Some(without)) => (with.log_evidence - without.log_evidence, with.drop - without.drop),
         _ => (0.0, 0.0),

@@ -1,5 +1,6 @@
 //! The result of a diagnosis.
 
+mod remaining;
 mod words;
 
 use std::collections::BTreeMap;
@@ -237,6 +238,9 @@ pub struct Diagnosis {
     pub kind: Option<String>,
     /// Properties of an effect that is not in the catalogue, alone or beside `effects`.
     pub unknown: Option<Unknown>,
+    /// Whether half of the effects that were tested would have shown at their ordinary size.
+    #[serde(default)]
+    pub would_have_shown: bool,
     /// Every effect of the catalogue that was tested, best first.
     pub candidates: Vec<Candidate>,
     /// The slow residual before and after.
@@ -286,6 +290,7 @@ impl Diagnosis {
         Self {
             schema: SCHEMA,
             verdict: Verdict::NotEnoughInformation,
+            would_have_shown: false,
             effects: Vec::new(),
             confounded_with: Vec::new(),
             explanations: Vec::new(),

@@ -1,6 +1,7 @@
 //! The answer in words.
 
 use whorl_dynamics::effects::find;
+use whorl_math::three_digits;
 
 use crate::verdict::diagnosis::Candidate;
 use crate::{Diagnosis, Explanation, Unknown, Verdict};
@@ -13,6 +14,9 @@ fn title(id: &str) -> String {
 }
 
 fn list(set: &[String]) -> String {
+    if set.is_empty() {
+        return "nothing".to_owned();
+    }
     set.iter().map(|id| title(id)).collect::<Vec<_>>().join(" and ")
 }
 
@@ -57,6 +61,10 @@ impl Explanation {
 impl Unknown {
     /// On what it depends, and how large it is.
     fn sentences(&self) -> Vec<String> {
+        // Of what only the error of predictions shows, nothing else is known.
+        if self.share == 0.0 && self.size == 0.0 {
+            return Vec::new();
+        }
         let line = self.frequency_hz.map_or_else(String::new, |f| format!(", a line at {f:.3} Hz"));
         let parity =
             if self.parity == "none" { String::new() } else { format!(", {} symmetry", self.parity) };
@@ -99,13 +107,6 @@ impl Diagnosis {
                     list(&self.effects),
                     self.per_cent(&self.effects)
                 ));
-                if let Some(unknown) = &self.unknown {
-                    text.push(
-                        "Something else is missing beside that, which no effect of the catalogue explains."
-                            .to_owned(),
-                    );
-                    text.extend(unknown.sentences());
-                }
             }
             Verdict::Confounded => {
                 text.push(format!(
@@ -127,9 +128,6 @@ impl Diagnosis {
             }
             Verdict::Unknown => {
                 text.push("Something is missing that no effect of the catalogue explains.".to_owned());
-                if let Some(unknown) = &self.unknown {
-                    text.extend(unknown.sentences());
-                }
             }
             Verdict::NothingMissing => {
                 text.push("Nothing is missing: the model, its own parameters refitted, explains the data to the noise.".to_owned());
@@ -159,6 +157,15 @@ impl Diagnosis {
                 }
             }
         }
+        if let Some(unknown) = &self.unknown {
+            if !self.effects.is_empty() {
+                text.push(
+                    "Something else is missing beside that, which no effect of the catalogue explains."
+                        .to_owned(),
+                );
+            }
+            text.extend(unknown.sentences());
+        }
         for id in &self.effects {
             if let Some(candidate) = row(id) {
                 text.push(format!("{id}: {}.", sizes(candidate)));
@@ -179,8 +186,9 @@ impl Diagnosis {
         }
         if self.background.stddev_n_m > 0.0 {
             text.push(format!(
-                "Beside it a slow random torque of {:.1e} N m, which changes over {:.0} s, is taken into account.",
-                self.background.stddev_n_m, self.background.correlation_s
+                "Beside it a slow random torque of {} N m, which changes over {} s, is taken into account.",
+                three_digits(self.background.stddev_n_m),
+                three_digits(self.background.correlation_s)
             ));
         }
         if !self.odd_runs.is_empty() {
