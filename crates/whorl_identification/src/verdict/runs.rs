@@ -127,16 +127,7 @@ pub(super) fn contradiction(runs: &Runs<'_>, set: &Evaluated) -> Option<Unknown>
         powers.extend(power);
     }
     let power = median(powers);
-    (power > runs.reference.settings.contradiction_power).then(|| Unknown {
-        variable: "gyro_rate".to_owned(),
-        frame: "body".to_owned(),
-        axis: "x".to_owned(),
-        parity: "odd".to_owned(),
-        frequency_hz: None,
-        share: (1.0 - 1.0 / power).clamp(0.0, 1.0),
-        size: 0.0,
-        unit: "rad/s".to_owned(),
-    })
+    (power > runs.reference.settings.contradiction_power).then(|| Unknown::contradiction(power))
 }
 
 /// Noise that accelerometer and vector sensors need over the larger of what is stated and what neighbouring samples show, as a power;

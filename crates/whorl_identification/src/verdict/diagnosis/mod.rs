@@ -106,6 +106,25 @@ impl Unknown {
             unit: "N m".to_owned(),
         }
     }
+
+    /// Of gyro and attitude sensors that contradict each other, whose innovations have this power over that of the noise.
+    pub(crate) fn contradiction(power: f64) -> Self {
+        Self {
+            variable: "gyro_rate".to_owned(),
+            frame: "body".to_owned(),
+            axis: "x".to_owned(),
+            parity: "odd".to_owned(),
+            frequency_hz: None,
+            share: (1.0 - 1.0 / power).clamp(0.0, 1.0),
+            size: 0.0,
+            unit: "rad/s".to_owned(),
+        }
+    }
+
+    /// Whether it is such a contradiction, and no law, which has a size.
+    pub(crate) fn is_contradiction(&self) -> bool {
+        self.variable == "gyro_rate" && self.size == 0.0
+    }
 }
 
 /// A set of explanations and how probable it is.

@@ -12,7 +12,7 @@ impl Diagnosis {
         let largest = error.max(training.unwrap_or(error));
         let is_withheld = self.explanations.is_empty();
         // Sensors that contradict each other do so at any error: it is taken in units of noise that they show.
-        let contradicts = self.unknown.as_ref().is_some_and(|unknown| unknown.variable == "gyro_rate");
+        let contradicts = self.unknown.as_ref().is_some_and(Unknown::is_contradiction);
         if error <= settings.at_the_noise
             && largest <= settings.above_the_noise
             && self.unknown.is_some()
@@ -20,7 +20,7 @@ impl Diagnosis {
         {
             self.remarks.push(format!(
                 "{} explains a little more, but the model predicts to within {:.0} % of what noise allows without it.",
-                self.unknown.take().map_or_else(String::new, |unknown| format!("A torque that follows {}", unknown.variable)),
+                self.unknown.take().map_or_else(String::new, |unknown| format!("A law of {}", unknown.variable)),
                 (100.0 * (error - 1.0)).ceil().max(1.0)
             ));
             self.say_of_unknown(false);
@@ -30,6 +30,7 @@ impl Diagnosis {
                 } else {
                     Verdict::NotEnoughInformation
                 };
+                self.next = advice(self.verdict, &self.candidates);
             }
         } else if largest > settings.above_the_noise && self.unknown.is_none() && !is_withheld {
             self.remarks
@@ -40,9 +41,9 @@ impl Diagnosis {
             self.say_of_unknown(true);
             if self.effects.is_empty() {
                 self.verdict = Verdict::Unknown;
+                self.next = advice(self.verdict, &self.candidates);
             }
         }
-        self.next = advice(self.verdict, &self.candidates);
         self
     }
 
@@ -101,6 +102,13 @@ mod tests {
             &Settings::default(),
         );
         assert_eq!((named.verdict, named.effects.len(), named.unknown), (Verdict::Named, 1, None));
+        // Sensors that contradict each other are no law.
+        let contradicting =
+            Diagnosis { unknown: Some(Unknown::contradiction(4.0)), ..with(Verdict::Unknown, &[], true) };
+        assert_eq!(
+            contradicting.held_against(Some(1.02), None, &Settings::default()).verdict,
+            Verdict::Unknown
+        );
         let unknown = with(Verdict::Unknown, &[], true);
         assert_eq!(
             unknown.clone().held_against(Some(1.58), Some(1.06), &Settings::default()).verdict,
@@ -131,7 +139,11 @@ mod tests {
         assert_eq!((named.verdict, named.effects.len()), (Verdict::Named, 1));
         let said = named.answer().join(" ");
         assert!(said.contains("Something else is missing beside that"), "{said}");
-        // What was withheld for a reason of its own stays.
+        // What was withheld for a reason of its own stays, with its advice.
+        let withheld = Diagnosis::not_enough_information().withheld("no pulses".to_owned());
+        let advised = withheld.next.clone();
+        assert!(advised.is_some());
+        assert_eq!(withheld.held_against(Some(53.0), None, &Settings::default()).next, advised);
         assert_eq!(
             Diagnosis::not_enough_information().held_against(Some(53.0), None, &Settings::default()).verdict,
             Verdict::NotEnoughInformation
