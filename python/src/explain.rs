@@ -121,10 +121,10 @@ pub fn diagnose(
     })
 }
 
-/// A law that nobody listed: JSON, page (if anything was searched for), and the best law and the curve as effects in YAML.
+/// A law that nobody listed: JSON, page (if anything was searched for), and the best law as an effect in YAML.
 #[pyfunction]
 #[pyo3(signature = (training, held_out, platform, id, exclude=vec![], anyway=false, progress=None))]
-#[expect(clippy::too_many_arguments, clippy::type_complexity, reason = "the arguments of a Python function")]
+#[expect(clippy::too_many_arguments, reason = "the arguments of a Python function")]
 pub fn discover(
     py: Python<'_>,
     training: Given<'_>,
@@ -134,7 +134,7 @@ pub fn discover(
     exclude: Vec<String>,
     anyway: bool,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(String, Option<String>, Option<String>, Option<String>)> {
+) -> PyResult<(String, Option<String>, Option<String>)> {
     let Material { runs, source } = material(&training, &held_out, platform, "whorl.discover in Python")?;
     watched(py, progress, move |say| {
         let options = with_excluded(exclude)?;
@@ -150,7 +150,7 @@ pub fn discover(
         )?;
         if let Some(reason) = discovery::settled(&asked).filter(|_| !anyway) {
             let json = discovery::as_json(name, &asked, None, std::slice::from_ref(&reason))?;
-            return Ok((json.to_string(), None, None, None));
+            return Ok((json.to_string(), None, None));
         }
         let competitors = discovery::competitors(&asked);
         let mut rest = |share: f64, doing: &str| say(0.5 + 0.5 * share, doing);
@@ -167,12 +167,10 @@ pub fn discover(
         let answer = discovery::answer(&found);
         let json = discovery::as_json(name, &asked, Some(&found), &answer)?;
         let page = whorl_report::discovery_html(&found, &answer, &runs.facts);
-        let yaml = |law: Option<&whorl_identification::EvaluatedLaw>| {
-            let law = law?;
+        let yaml = found.best().and_then(|law| {
             Some(effect_yaml(law.definition.as_ref()?, &format!("{}\n{source}", law.sentence)))
-        };
-        let curve = found.laws.iter().find(|law| law.kind == "curve");
-        Ok((json.to_string(), Some(page), yaml(found.best()), yaml(curve)))
+        });
+        Ok((json.to_string(), Some(page), yaml))
     })
 }
 
@@ -240,7 +238,6 @@ pub fn identify(
         let json = identification::as_json(&known.platform, &known.model, &found);
         let new = found
             .updated()
-            .ok()
             .map(|(model, prior)| Platform(Arc::new(KnownPlatform { model, prior, ..known.clone() })));
         Ok((json.to_string(), new))
     })

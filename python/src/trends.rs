@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use whorl_calibration::calibrate_imu;
 use whorl_commands::history::{HEADINGS, as_json, began_s, rows, sentences, trends_as_json, write_table};
 use whorl_commands::{calibrate as calibration, model_file, options, simulate::utc_now};
+use whorl_explain::changes::of_calibration;
 use whorl_explain::trends::{DatedRun, trends as over_runs};
 use whorl_params::ModelStep;
 
@@ -83,7 +84,7 @@ pub fn trends(
 /// How a platform's model came to be: JSON.
 #[pyfunction]
 pub fn history(platform: &Bound<'_, Platform>) -> String {
-    as_json(&whorl_explain::history(&platform.get().0)).to_string()
+    as_json(&platform.get().0).to_string()
 }
 
 /// Errors of gyro and accelerometer: JSON, and how many entries were written into `out`.
@@ -112,13 +113,7 @@ pub fn calibrate_sensors(
             (Some(out), None) => {
                 let step = ModelStep::of_source(source);
                 model_file::prepare_out(out, &runs.known)?;
-                Some(model_file::write_step(
-                    out,
-                    &runs.known,
-                    &calibration::changes(&found),
-                    step,
-                    utc_now(),
-                )?)
+                Some(model_file::write_step(out, &runs.known, &of_calibration(&found), step, utc_now())?)
             }
         };
         Ok((calibration::as_json(&runs.known.platform, &found).to_string(), written))

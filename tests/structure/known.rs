@@ -41,7 +41,6 @@ pub const FAR_FROM_THEIR_TYPE: &[(&str, &str)] = &[
     ("crates/whorl_params/src/serialise.rs", "NodeParameters"),
     ("crates/whorl_prediction/src/fit/ascent.rs", "Problem"),
     ("crates/whorl_prediction/src/fit/search.rs", "Problem"),
-    ("crates/whorl_prediction/src/guess.rs", "Start"),
     ("crates/whorl_recording/src/consistency.rs", "Recording"),
     ("crates/whorl_recording/src/quality.rs", "Recording"),
     ("crates/whorl_ros/src/requests.rs", "Shell"),

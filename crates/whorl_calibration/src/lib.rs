@@ -7,9 +7,7 @@
 //!   faces it lay on, as exactly as the table was level;
 //! - gyro: bias from still stretches; scale, misalignment and what its axes see of each other from turns, which must carry the direction of
 //!   gravity before to that after, and by known angles about the vertical, which gravity does not show;
-//! - noise from the Allan deviation of the longest still stretch; its distribution by the chi-squared
-//!   test (eqs. 4.41-4.43);
-//! - dependence on temperature, if the temperature changed enough.
+//! - noise from the Allan deviation of the longest still stretch.
 //!
 //! Errors are those of [`whorl_dynamics::platform::TriaxialErrors`], with axes that need not be at right angles:
 //! y = (1 + s) T R(m)^T x + b. Deviations grow with the misfit, which is tested ([`Misfit`]). Every number has a standard deviation, and what the data do not determine is
@@ -17,24 +15,24 @@
 
 mod accelerometer;
 mod fit;
-mod gaussianity;
 mod gyro;
 mod still;
-mod temperature;
 #[cfg(test)]
 mod tests;
 
 use nalgebra::Vector3;
 use whorl_dynamics::platform::SensorSuite;
-use whorl_math::{NoiseDensities, allan_deviation, noise_densities};
-use whorl_recording::{Finding, Recording};
+use whorl_dynamics::sensing::untangled;
+use whorl_math::{allan_deviation, noise_densities};
+use whorl_recording::{Finding, Recording, usual_rate_hz};
 
 pub use fit::Misfit;
-pub use gaussianity::{Bin, Gaussianity, chi_squared_test};
-pub use still::{Still, still_stretches};
+use still::still_stretches;
 
 /// Points of the Allan deviation in a decade of averaging times.
 const PER_DECADE: usize = 8;
+/// Shorter still stretches do not show bias instability and random walk \[s\].
+const SHORT_S: f64 = 60.0;
 
 /// What is known from outside.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,7 +58,7 @@ impl Default for CalibrationSettings {
     }
 }
 
-/// A number per axis with its standard deviation; infinite where it is not determined.
+/// A number per axis with its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PerAxis {
     /// Value.
@@ -82,6 +80,18 @@ impl PerAxis {
     pub fn determined(&self) -> [bool; 3] {
         self.stddev.map(f64::is_finite).into()
     }
+
+    /// The finding that a quantity was not determined about some axes; `advice`: what would.
+    fn missing(&self, what: &str, advice: &str) -> Option<Finding> {
+        let axes = ["x", "y", "z"].into_iter().zip(self.determined()).filter(|(_, known)| !known);
+        let axes = axes.map(|(axis, _)| axis).collect::<Vec<_>>().join(", ");
+        let text = format!("{what} not determined about {axes}: {advice}.");
+        (!axes.is_empty()).then(|| Finding::warning(text))
+    }
+
+    fn set(&mut self, axis: usize, value: f64, stddev: f64) {
+        (self.value[axis], self.stddev[axis]) = (value, stddev);
+    }
 }
 
 /// Calibration of one three-axis sensor; by default nothing is known.
@@ -97,16 +107,85 @@ pub struct SensorCalibration {
     pub skew_rad: PerAxis,
     /// Residuals of the fit; `None`: nothing was fitted.
     pub misfit: Option<Misfit>,
-    /// White noise of one sample per axis.
-    pub noise_stddev: Vector3<f64>,
-    /// Its standard deviation.
-    pub noise_stddev_stddev: Vector3<f64>,
-    /// Noise densities per axis from the Allan deviation; `None`: no still stretch was long enough.
-    pub noise: [Option<NoiseDensities>; 3],
-    /// Is the noise Gaussian? Per axis.
-    pub gaussianity: [Option<Gaussianity>; 3],
-    /// Change of the bias with temperature, per kelvin.
-    pub temperature_slope: PerAxis,
+    /// White noise of one sample.
+    pub noise_stddev: PerAxis,
+    /// Noise densities from the Allan deviation: white noise, per sqrt(Hz); random walk of the bias, per sqrt(s), where it rises out of
+    /// the white noise; bias instability, the lowest deviation, where averaging longer does not help any more.
+    pub noise_density: PerAxis,
+    /// See there.
+    pub bias_walk: PerAxis,
+    /// See there.
+    pub bias_instability: PerAxis,
+}
+
+/// A quantity that is calibrated, for tables and files.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Quantity {
+    /// Name in data.
+    pub key: &'static str,
+    /// Name for people.
+    pub name: &'static str,
+    /// Unit, "1" for none.
+    pub unit: String,
+    /// What ends its key in parameter files; `None`: they do not have it.
+    pub ending: Option<String>,
+    /// What was found.
+    pub of: PerAxis,
+}
+
+impl SensorCalibration {
+    /// Everything that has a number per axis; `unit`: the sensor's.
+    #[must_use]
+    pub fn quantities(&self, unit: &str) -> [Quantity; 8] {
+        // rad/s is _rad_s there.
+        let own = format!("_{}", unit.replace('/', "_").replace('^', ""));
+        let row = |key, name, of: &PerAxis, unit: String, ending: Option<&str>| {
+            let ending = ending.map(|ending| ending.replace("_unit", &own));
+            Quantity { key, name, unit, ending, of: *of }
+        };
+        let skew = "skew: y of x, z of x, z of y";
+        let [per_one, rad] = ["1", "rad"].map(str::to_owned);
+        let per = |of: &str| format!("{unit}{of}");
+        [
+            row("bias", "bias", &self.bias, per(""), Some("_unit")),
+            row("scale", "scale", &self.scale, per_one, Some("")),
+            row("misalignment", "misalignment", &self.misalignment_rad, rad.clone(), Some("_rad")),
+            row("skew", skew, &self.skew_rad, rad, Some("_rad")),
+            row("noise_stddev", "noise of a sample", &self.noise_stddev, per(""), Some("_unit")),
+            row("noise_density", "noise density", &self.noise_density, per("/sqrt(Hz)"), None),
+            row("bias_instability", "bias instability", &self.bias_instability, per(""), None),
+            row("bias_walk", "bias random walk", &self.bias_walk, per("/sqrt(s)"), Some("_unit_sqrt_s")),
+        ]
+    }
+
+    /// What a reading says of the truth, in axes at right angles that may be turned in the body.
+    fn corrected(&self, reading: &Vector3<f64>) -> Vector3<f64> {
+        straightened(&(reading - self.bias.value), &self.scale.value, &self.skew_rad.value)
+    }
+
+    fn take_noise_of(&mut self, samples: &[Vector3<f64>], sample_time_s: f64) {
+        for axis in 0..3 {
+            let values: Vec<f64> = samples.iter().map(|v| v[axis]).collect();
+            let curve = allan_deviation(&values, sample_time_s, PER_DECADE);
+            // From neighbours, so that a drifting bias does not count as noise.
+            if let Some(sample) = curve.first().filter(|sample| sample.deviation > 0.0) {
+                self.noise_stddev.set(axis, sample.deviation, sample.deviation * sample.relative_error);
+            }
+            let Some(found) = noise_densities(&curve) else { continue };
+            self.noise_density.set(axis, found.white, found.white_stddev);
+            if found.walk_seen {
+                self.bias_walk.set(axis, found.walk, found.walk_stddev);
+            }
+            if found.floor_seen {
+                self.bias_instability.set(axis, found.floor, found.floor_stddev);
+            }
+        }
+    }
+}
+
+/// A reading without bias free of scale errors and of what its axes see of each other.
+fn straightened(reading: &Vector3<f64>, scale: &Vector3<f64>, skew_rad: &Vector3<f64>) -> Vector3<f64> {
+    untangled(&reading.component_div(&scale.add_scalar(1.0)), skew_rad)
 }
 
 /// Calibration of gyro and accelerometer.
@@ -116,12 +195,20 @@ pub struct ImuCalibration {
     pub gyro: SensorCalibration,
     /// Accelerometer [m/s^2].
     pub accelerometer: SensorCalibration,
-    /// Still stretches found.
-    pub still: Vec<Still>,
+    /// How many still stretches were found.
+    pub still_stretches: usize,
     /// Sample rate \[Hz\].
     pub rate_hz: f64,
     /// Parameters that the data could not determine, and other remarks.
     pub findings: Vec<Finding>,
+}
+
+impl ImuCalibration {
+    /// Name, unit and calibration of both sensors.
+    #[must_use]
+    pub fn sensors(&self) -> [(&'static str, &'static str, &SensorCalibration); 2] {
+        [("gyro", "rad/s", &self.gyro), ("accelerometer", "m/s^2", &self.accelerometer)]
+    }
 }
 
 /// Calibrates from recordings; `sensors` gives the prior assumptions (noise for the search of still
@@ -132,22 +219,18 @@ pub fn calibrate_imu(
     sensors: &SensorSuite,
     settings: &CalibrationSettings,
 ) -> ImuCalibration {
-    let mut findings = Vec::new();
-    let is_whole = |run: &Recording| run.has_whole_gyro() && run.has_whole_accelerometer();
-    for run in runs.iter().filter(|run| !is_whole(run)) {
-        findings.push(Finding::fatal(format!(
-            "{}: gyro and accelerometer need all three axes: which way is up at each rest, and the turn from one to the next, \
-             follow from all of them. {} Nothing was calibrated.",
-            run.name,
-            axes_there(run)
-        )));
+    let (mut findings, mut still) = (Vec::new(), Vec::new());
+    for (index, run) in runs.iter().enumerate() {
+        if run.has_whole_gyro() && run.has_whole_accelerometer() {
+            still.extend(still_stretches(index, run, sensors));
+        } else {
+            findings.push(Finding::fatal(format!(
+                "{}: gyro and accelerometer need all three axes: which way is up at each rest, and the turn from one to the next, \
+                 follow from all of them. Nothing was calibrated.",
+                run.name
+            )));
+        }
     }
-    let still: Vec<Still> = runs
-        .iter()
-        .enumerate()
-        .filter(|(_, run)| is_whole(run))
-        .flat_map(|(index, run)| still_stretches(index, run, sensors))
-        .collect();
     if still.is_empty() && findings.is_empty() {
         findings.push(Finding::fatal(
             "No still stretch of two seconds was found: the sensor must lie still between turns. Nothing was calibrated.".to_owned(),
@@ -155,74 +238,18 @@ pub fn calibrate_imu(
     }
     let mut accelerometer = accelerometer::calibrate(&still, settings, &mut findings);
     let mut gyro = gyro::calibrate(runs, &still, &accelerometer, settings, &mut findings);
-    let rate_hz = runs.iter().map(|r| rate_hz(r)).fold(0.0, f64::max);
+    let rates = runs.iter().filter_map(|run| usual_rate_hz(&run.gyro_b_rad_s.time_s));
+    let rate_hz = rates.fold(0.0, f64::max);
     let longest = still.iter().max_by(|a, b| a.duration_s().total_cmp(&b.duration_s()));
-    if let Some(longest) = longest {
-        if let Some(run) = runs.get(longest.run) {
-            let g = longest.of(&run.gyro_b_rad_s);
-            let a = longest.of(&run.specific_force_b_m_s2);
-            noise_of(&mut gyro, &g, 1.0 / rate_hz, "gyro", &mut findings);
-            noise_of(&mut accelerometer, &a, 1.0 / rate_hz, "accelerometer", &mut findings);
-        }
-        if longest.duration_s() < 60.0 {
+    if let Some((longest, run)) = longest.and_then(|longest| Some((longest, runs.get(longest.run)?))) {
+        gyro.take_noise_of(longest.of(&run.gyro_b_rad_s), 1.0 / rate_hz);
+        accelerometer.take_noise_of(longest.of(&run.specific_force_b_m_s2), 1.0 / rate_hz);
+        if longest.duration_s() < SHORT_S {
             findings.push(Finding::warning(format!(
                 "The longest still stretch is {:.0} s: noise was measured, bias instability and random walk need ten minutes or more.",
                 longest.duration_s()
             )));
         }
     }
-    temperature::slopes(runs, &still, &mut gyro, &mut accelerometer, &mut findings);
-    ImuCalibration { gyro, accelerometer, still, rate_hz, findings }
-}
-
-/// Which axes a run has, in a sentence.
-fn axes_there(run: &Recording) -> String {
-    let of = |what: &str, axes: [bool; 3], is_empty: bool| {
-        let there = ["x", "y", "z"].into_iter().zip(axes).filter(|(_, has)| *has && !is_empty);
-        let there: Vec<&str> = there.map(|(axis, _)| axis).collect();
-        if there.is_empty() { format!("no {what}") } else { format!("{what} {}", there.join(", ")) }
-    };
-    format!(
-        "The recording has: {}; {}.",
-        of("gyro", run.gyro_axes(), run.gyro_b_rad_s.is_empty()),
-        of("accelerometer", run.force_axes(), run.specific_force_b_m_s2.is_empty())
-    )
-}
-
-fn rate_hz(run: &Recording) -> f64 {
-    let t = &run.gyro_b_rad_s.time_s;
-    match (t.first(), t.last()) {
-        (Some(first), Some(last)) if last > first => (t.len() - 1) as f64 / (last - first),
-        _ => 0.0,
-    }
-}
-
-fn noise_of(
-    sensor: &mut SensorCalibration,
-    samples: &[Vector3<f64>],
-    sample_time_s: f64,
-    what: &str,
-    findings: &mut Vec<Finding>,
-) {
-    let mut not_gaussian = Vec::new();
-    for axis in 0..3 {
-        let values: Vec<f64> = samples.iter().map(|v| v[axis]).collect();
-        let curve = allan_deviation(&values, sample_time_s, PER_DECADE);
-        sensor.noise[axis] = noise_densities(&curve);
-        // From neighbours, so that a drifting bias does not count as noise.
-        if let Some(sample) = curve.first() {
-            sensor.noise_stddev[axis] = sample.deviation;
-            sensor.noise_stddev_stddev[axis] = sample.deviation * sample.relative_error;
-        }
-        sensor.gaussianity[axis] = chi_squared_test(&values, 0.01);
-        if sensor.gaussianity[axis].as_ref().is_some_and(|g| !g.passes()) {
-            not_gaussian.push(["x", "y", "z"][axis]);
-        }
-    }
-    if !not_gaussian.is_empty() {
-        findings.push(Finding::warning(format!(
-            "Noise of the {what} about {} does not pass the chi-squared test for a normal distribution at 1 %: coarse digits, drift or vibration.",
-            not_gaussian.join(", ")
-        )));
-    }
+    ImuCalibration { gyro, accelerometer, still_stretches: still.len(), rate_hz, findings }
 }

@@ -8,7 +8,7 @@ use whorl_dynamics::PlatformModel;
 use whorl_dynamics::actuators::moving_masses::MovingMass;
 use whorl_dynamics::mass_parameters::gravity_offset_b_n_m;
 use whorl_identification::balance::{Ballast, plan_balance};
-use whorl_identification::{Options, identify};
+use whorl_identification::{Finding, Options, identify};
 use whorl_math::GRAVITY_M_S2;
 
 use crate::identify::print_findings;
@@ -44,8 +44,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         bail!("these runs do not determine the centre of mass");
     }
     let offset = gravity_offset_b_n_m(&found.estimate);
-    let covariance = found.covariance.fixed_view::<3, 3>(6, 6).into_owned();
-    let stddev = covariance.diagonal().map(f64::sqrt);
+    let stddev = found.stddev().fixed_rows::<3>(6).into_owned();
     say!(
         "gravity offset {:.1}, {:.1}, {:.1} N mm (+- {:.1}, {:.1}, {:.1})",
         1e3 * offset.x,
@@ -56,22 +55,28 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         1e3 * stddev.z
     );
     let target = Vector3::new(0.0, 0.0, arguments.target_z.unwrap_or(offset.z));
-    let plan = plan_balance(&offset, &covariance, &target, &ballasts);
-    for (ballast, moved) in ballasts.iter().zip(&plan.moves_m) {
-        say!("  move {} by {:+.2} mm", ballast.name, 1e3 * moved);
+    let (moves_m, after) = plan_balance(&offset, &target, &ballasts);
+    let level_torque_n_m = after.xy().norm();
+    for (ballast, moved) in ballasts.iter().zip(&moves_m) {
+        let end = if moved.abs() < ballast.travel_m { "" } else { ", the end of its travel" };
+        say!("  move {} by {:+.2} mm{end}", ballast.name, 1e3 * moved);
     }
     say!(
         "predicted offset {:.2}, {:.2}, {:.2} N mm; torque left when level {:.2} N mm (+- {:.2})",
-        1e3 * plan.offset_b_n_m.x,
-        1e3 * plan.offset_b_n_m.y,
-        1e3 * plan.offset_b_n_m.z,
-        1e3 * plan.level_torque_n_m,
-        1e3 * plan.stddev_b_n_m.xy().norm()
+        1e3 * after.x,
+        1e3 * after.y,
+        1e3 * after.z,
+        1e3 * level_torque_n_m,
+        1e3 * stddev.xy().norm()
     );
-    print_findings(&plan.findings);
+    let above = Finding::warning(
+        "The centre of mass may then lie above the bearing's centre: the platform would tip over. Leave a small negative z as target.".to_owned(),
+    );
+    let findings: Vec<Finding> = (after.z > -2.0 * stddev.z).then_some(above).into_iter().collect();
+    print_findings(&findings);
     let moves: Vec<Value> = ballasts
         .iter()
-        .zip(&plan.moves_m)
+        .zip(&moves_m)
         .map(|(ballast, moved)| json!({"ballast": ballast.name, "move_mm": 1e3 * moved}))
         .collect();
     let axes = |v: &Vector3<f64>| [v.x, v.y, v.z];
@@ -82,9 +87,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             "gravity_offset_b_n_m": axes(&offset),
             "gravity_offset_stddev_b_n_m": axes(&stddev),
             "moves": moves,
-            "predicted_offset_b_n_m": axes(&plan.offset_b_n_m),
-            "level_torque_n_m": plan.level_torque_n_m,
-            "findings": findings_as_json(&plan.findings),
+            "predicted_offset_b_n_m": axes(&after),
+            "level_torque_n_m": level_torque_n_m,
+            "findings": findings_as_json(&findings),
         }))
     })
 }
@@ -100,9 +105,7 @@ fn of_model(model: &PlatformModel) -> anyhow::Result<Vec<Ballast>> {
         name: mass.name.clone(),
         axis_b: mass.axis_b,
         weight_n: mass.mass_kg * GRAVITY_M_S2,
-        position_m: 0.0,
-        travel_m: (-mass.travel_m, mass.travel_m),
-        step_m: 0.0,
+        travel_m: mass.travel_m,
     };
     Ok(masses.iter().map(ballast).collect())
 }
@@ -129,12 +132,5 @@ fn parse(text: &str) -> anyhow::Result<Ballast> {
     if !(weight_n > 0.0 && travel_mm > 0.0 && weight_n.is_finite() && travel_mm.is_finite()) {
         bail!(refuse());
     }
-    Ok(Ballast {
-        name: (*name).to_owned(),
-        axis_b,
-        weight_n,
-        position_m: 0.0,
-        travel_m: (-1e-3 * travel_mm, 1e-3 * travel_mm),
-        step_m: 0.0,
-    })
+    Ok(Ballast { name: (*name).to_owned(), axis_b, weight_n, travel_m: 1e-3 * travel_mm })
 }

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::Subcommand;
-use whorl_calibration::{ImuCalibration, PerAxis, calibrate_imu};
-use whorl_commands::calibrate::{as_json, changes, instability, settings, walk, white};
+use whorl_calibration::{ImuCalibration, calibrate_imu};
+use whorl_commands::calibrate::{as_json, settings};
 use whorl_commands::model_file::prepare_out;
+use whorl_explain::changes::of_calibration;
 use whorl_math::three_digits;
 use whorl_params::ModelStep;
 use whorl_recording::Recording;
@@ -26,7 +27,7 @@ pub struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum What {
-    /// Gyro and accelerometer: bias, scale, misalignment, noise, temperature. Let the sensor lie still for
+    /// Gyro and accelerometer: bias, scale, misalignment, noise. Let the sensor lie still for
     /// 20 s on each of its six faces and turn it from one to the next.
     Imu(Imu),
 }
@@ -79,7 +80,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         .as_ref()
         .or(imu.runs.context.model.as_ref())
         .context("name the platform's file to write into with --out (or --model), or use --dry-run")?;
-    let changes = changes(&found);
+    let changes = of_calibration(&found);
     let step = ModelStep::of_source(provenance_of_this(&imu.runs)?);
     prepare_out(out, &runs.known)?;
     let written = model_file::write_step(out, &runs.known, &changes, step)?;
@@ -88,41 +89,26 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 }
 
 fn print(found: &ImuCalibration) {
-    say!("{} still stretches, {:.1} Hz", found.still.len(), found.rate_hz);
+    say!("{} still stretches, {:.1} Hz", found.still_stretches, found.rate_hz);
     let headings: Vec<String> =
         ["", "#x", "#+-", "#y", "#+-", "#z", "#+-", "unit"].iter().map(|s| (*s).to_owned()).collect();
     let mut rows = Vec::new();
-    for (name, unit, sensor) in
-        [("gyro", "rad/s", &found.gyro), ("accelerometer", "m/s^2", &found.accelerometer)]
-    {
-        let with = |of: &str| format!("{unit}{of}");
-        let sample = PerAxis { value: sensor.noise_stddev, stddev: sensor.noise_stddev_stddev };
-        let lines: [(&str, PerAxis, String); 9] = [
-            ("bias", sensor.bias, with("")),
-            ("scale", sensor.scale, "1".to_owned()),
-            ("misalignment", sensor.misalignment_rad, "rad".to_owned()),
-            ("skew: y of x, z of x, z of y", sensor.skew_rad, "rad".to_owned()),
-            ("bias over temperature", sensor.temperature_slope, with("/K")),
-            ("noise of a sample", sample, with("")),
-            ("noise density", white(sensor), with("/sqrt(Hz)")),
-            ("bias instability", instability(sensor), with("")),
-            ("bias random walk", walk(sensor), with("/sqrt(s)")),
-        ];
-        for (what, v, unit) in lines {
-            let mut row = vec![format!("{name} {what}")];
-            for axis in 0..3 {
-                if v.stddev[axis].is_finite() {
-                    row.extend([three_digits(v.value[axis]), three_digits(v.stddev[axis])]);
+    for (name, unit, sensor) in found.sensors() {
+        for quantity in sensor.quantities(unit) {
+            let mut row = vec![format!("{name} {}", quantity.name)];
+            for (value, stddev) in quantity.of.value.iter().zip(quantity.of.stddev.iter()) {
+                if stddev.is_finite() {
+                    row.extend([three_digits(*value), three_digits(*stddev)]);
                 } else {
                     row.extend(["not determined".to_owned(), String::new()]);
                 }
             }
-            row.push(unit);
+            row.push(quantity.unit);
             rows.push(row);
         }
     }
     table::print(&headings, &rows);
-    for (name, sensor) in [("gyro", &found.gyro), ("accelerometer", &found.accelerometer)] {
+    for (name, _, sensor) in found.sensors() {
         if let Some(ratio) = sensor.misfit.and_then(|misfit| misfit.ratio()) {
             say!("{name}: residuals are {ratio:.2} times what the noise explains");
         }

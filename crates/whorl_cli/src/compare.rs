@@ -93,9 +93,6 @@ fn print_answers(compared: &[ComparedRun]) {
     for run in compared {
         say!("{}{}", run.comparison.answer(), if run.held_out { " (Held out: never fitted.)" } else { "" });
         say!("  {}", run.comparison.said_of_innovations());
-        for finding in run.comparison.findings() {
-            say!("  {finding}");
-        }
     }
     for (held_out, kind) in [(false, ""), (true, "held-out ")] {
         let count = compared.iter().filter(|run| run.held_out == held_out).count();

@@ -25,9 +25,6 @@ pub struct Arguments {
     /// Writes the best law as an effect: NAME.yaml, which `whorl adopt RUN... NAME.yaml --out FILE` takes.
     #[arg(long, value_name = "NAME.yaml")]
     write: Option<PathBuf>,
-    /// Writes the measured curve as an effect, even where a law is more probable.
-    #[arg(long, value_name = "NAME.yaml")]
-    write_curve: Option<PathBuf>,
     /// Searches even if a named effect explains the data, or nothing is missing.
     #[arg(long)]
     anyway: bool,
@@ -35,7 +32,7 @@ pub struct Arguments {
 
 /// Carries out `whorl discover`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    for path in arguments.write.iter().chain(&arguments.write_curve) {
+    if let Some(path) = &arguments.write {
         id_of(path)?;
     }
     let runs = progress::during("reading the runs", || arguments.explain.runs.read())?;
@@ -60,7 +57,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         arguments
             .explain
             .write_json(|| as_json(&runs.known.platform, &diagnosis, None, std::slice::from_ref(&reason)))?;
-        if arguments.write.is_some() || arguments.write_curve.is_some() {
+        if arguments.write.is_some() {
             bail!("nothing was written: there is no law to write");
         }
         return Ok(());
@@ -84,17 +81,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         let best = found.best().with_context(|| "nothing was written: no law is more probable than none")?;
         written(path, best, &provenance)?;
     }
-    if let Some(path) = &arguments.write_curve {
-        let curve = found.laws.iter().find(|law| law.kind == "curve");
-        let curve =
-            curve.with_context(|| "nothing was written: what is missing is no function of one variable")?;
-        written(path, curve, &provenance)?;
-    }
     arguments.explain.write_json(|| as_json(&runs.known.platform, &diagnosis, Some(&found), &answer))?;
     let page = whorl_report::discovery_html(&found, &answer, &runs.facts);
     let page = arguments.explain.write_page("discover.html", &page)?;
     say!("page: {}", page.display());
-    if let Some(law) = arguments.write.as_ref().or(arguments.write_curve.as_ref()) {
+    if let Some(law) = &arguments.write {
         let sources = arguments.explain.runs.sources();
         say!("next: {}", sources.command("adopt", &[&law.display().to_string(), "--out", &sources.out()]));
     }

@@ -68,7 +68,7 @@ fn judge(arguments: &Arguments, run: &Path) -> anyhow::Result<()> {
             names.join(", ")
         );
     }
-    arguments.json.write(|| Ok(json!({"schema": 3, "experiment": arguments.experiment, "platforms": told})))
+    arguments.json.write(|| Ok(json!({"schema": 4, "experiment": arguments.experiment, "platforms": told})))
 }
 
 fn report(known: &KnownPlatform, recording: &Recording) -> anyhow::Result<Value> {

@@ -6,8 +6,6 @@ use anyhow::{Context as _, bail};
 use whorl_commands::history::{HEADINGS, as_json, began_s, rows, sentences, trends_as_json, write_table};
 use whorl_commands::options;
 use whorl_explain::trends::{DatedRun, trends};
-use whorl_explain::{EffectInModel, History, ParameterInModel, history};
-use whorl_math::three_digits;
 use whorl_params::ModelStep;
 use whorl_recording::read_model;
 
@@ -52,20 +50,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let source = arguments.sources.first().context("no model and no run was given")?;
     let known = read_model(source, arguments.platform.as_deref())?;
-    let history = history(&known);
-    arguments.json.write(|| Ok(as_json(&history)))?;
-    if history.steps.is_empty() {
-        say!("No adoption is noted in the model of {}.", history.platform);
+    arguments.json.write(|| Ok(as_json(&known)))?;
+    if known.history.is_empty() {
+        say!("No adoption is noted in the model of {}.", known.platform);
     }
-    for step in &history.steps {
+    for step in &known.history {
         print_step(step);
-    }
-    print_effects(&history);
-    if !history.sources.is_empty() {
-        say!("\nWhere the standard deviations are from");
-    }
-    for (source, keys) in &history.sources {
-        say!("  {source}: {}", keys.join(", "));
     }
     Ok(())
 }
@@ -151,26 +141,4 @@ fn print_step(step: &ModelStep) {
     if let Some(source) = &step.source {
         say!("     {source}");
     }
-}
-
-fn print_effects(history: &History) {
-    if history.effects.is_empty() {
-        say!("The model has no effects beyond the base model.");
-        return;
-    }
-    let row = |effect: &EffectInModel, parameter: &ParameterInModel| {
-        let steps: Vec<String> = effect.adopted_in.iter().map(u32::to_string).collect();
-        vec![
-            effect.effect.clone(),
-            parameter.name.clone(),
-            three_digits(parameter.value),
-            parameter.stddev.map_or_else(String::new, three_digits),
-            parameter.unit.to_owned(),
-            if steps.is_empty() { "by hand".to_owned() } else { format!("in step {}", steps.join(", ")) },
-        ]
-    };
-    let rows: Vec<Vec<String>> =
-        history.effects.iter().flat_map(|e| e.parameters.iter().map(move |p| row(e, p))).collect();
-    say!("\nEffects in the model");
-    print(&["effect", "parameter", "#value", "#+-", "unit", "adopted"].map(str::to_owned), &rows);
 }

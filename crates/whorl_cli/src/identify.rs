@@ -126,13 +126,14 @@ fn by_likelihood(
     // Before anything is written: what was found is worth knowing also where it cannot be used.
     arguments.json.write(|| {
         let mut value = as_json(&known.platform, &known.model, &found);
-        value["schema"] = json!(3);
+        value["schema"] = json!(4);
         value["runs"] = json!(recordings.iter().map(|r| r.name.as_str()).collect::<Vec<_>>());
         Ok(value)
     })?;
     let Some(out) = &arguments.out else { return Ok(()) };
-    let (model, prior) =
-        found.updated().with_context(|| format!("nothing was written to {}", out.display()))?;
+    let (model, prior) = found
+        .updated()
+        .with_context(|| format!("the result must not be used; nothing was written to {}", out.display()))?;
     let source = provenance_of_this(&arguments.runs)?;
     let changes = changes((&known.model, &model), (&known.prior, &prior), &source);
     whorl_commands::model_file::prepare_out(out, known)?;
@@ -201,7 +202,6 @@ pub fn print_identification(model: &PlatformModel, found: &Identification) {
                 three_digits(before[i]),
                 format!("{:.4}", found.estimate[i]),
                 three_digits(stddev[i]),
-                three_digits(found.stddev_known_actuators[i]),
                 three_digits(found.prior_stddev[i]),
                 UNITS[i].to_owned(),
                 match found.determined[i] {
@@ -213,23 +213,11 @@ pub fn print_identification(model: &PlatformModel, found: &Identification) {
             ]
         })
         .collect();
-    table::print(
-        &headings(&[
-            "",
-            "#model",
-            "#found",
-            "#+-",
-            "#+- (actuators exact)",
-            "#+- before",
-            "unit",
-            "determined",
-        ]),
-        &cells,
-    );
-    // Of actuators what the data changed: there may be dozens.
+    table::print(&headings(&["", "#model", "#found", "#+-", "#+- before", "unit", "determined"]), &cells);
+    // What the data changed: there may be dozens.
     let told =
         |p: &&FittedParameter| Determined::of(p.stddev, p.prior_stddev) != Determined::No || p.at_bound;
-    for p in found.effects.iter().chain(found.actuators.iter().filter(told)) {
+    for p in found.others.iter().filter(told) {
         say!(
             "  {} {}: {} +- {} {} (before +- {}){}",
             p.group,
@@ -241,8 +229,6 @@ pub fn print_identification(model: &PlatformModel, found: &Identification) {
             if p.at_bound { ", at an end of what is plausible" } else { "" }
         );
     }
-    let values: Vec<String> = found.singular_values.iter().map(|v| three_digits(v.sqrt())).collect();
-    say!("  singular values of the information over the prior's: {}", values.join(", "));
 }
 
 /// Findings, fatal ones first.

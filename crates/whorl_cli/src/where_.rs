@@ -3,8 +3,7 @@
 use whorl_commands::locate::as_json;
 use whorl_commands::options;
 use whorl_explain::locate;
-use whorl_validation::Localisation;
-use whorl_validation::dependence::{Dependences, Frame};
+use whorl_validation::{Dependences, Frame, Localisation};
 
 use crate::explain::ExplainArguments;
 use crate::output::say;

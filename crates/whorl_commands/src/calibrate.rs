@@ -1,16 +1,15 @@
 //! Answers of `calibrate` as data.
 
 use anyhow::bail;
+use nalgebra::Vector3;
 use serde_json::{Value, json};
-use whorl_calibration::{CalibrationSettings, ImuCalibration, Misfit, PerAxis, SensorCalibration};
-use whorl_explain::changes::{Change, of_calibration};
-use whorl_math::{NoiseDensities, rad_from_deg, three_digits};
-use whorl_params::Value as Parameter;
+use whorl_calibration::{CalibrationSettings, ImuCalibration, SensorCalibration};
+use whorl_math::rad_from_deg;
 
 use crate::identify::findings_as_json;
 
 /// Version of the JSON output.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 
 /// Gravity anywhere on the ground [m/s^2].
 const GRAVITY_M_S2: std::ops::RangeInclusive<f64> = 9.7..=9.9;
@@ -48,99 +47,30 @@ pub fn settings(
 /// Everything; what was not determined is null.
 #[must_use]
 pub fn as_json(platform: &str, found: &ImuCalibration) -> Value {
-    json!({
+    let sensors = found.sensors().map(|(name, unit, of)| (name.to_owned(), sensor(of, unit)));
+    let mut value = json!({
         "schema": SCHEMA,
         "platform": platform,
-        "still_stretches": found.still.len(),
+        "still_stretches": found.still_stretches,
         "rate_hz": found.rate_hz,
         "usable": !found.findings.iter().any(|finding| finding.fatal),
-        "gyro": sensor(&found.gyro, "rad/s"),
-        "accelerometer": sensor(&found.accelerometer, "m/s^2"),
         "findings": findings_as_json(&found.findings),
-    })
+    });
+    value.as_object_mut().into_iter().for_each(|object| object.extend(sensors.clone()));
+    value
 }
 
 fn sensor(of: &SensorCalibration, unit: &str) -> Value {
-    json!({
-        "bias": per_axis(&of.bias, unit),
-        "scale": per_axis(&of.scale, "1"),
-        "misalignment": per_axis(&of.misalignment_rad, "rad"),
-        "skew": per_axis(&of.skew_rad, "rad"),
-        "temperature_slope": per_axis(&of.temperature_slope, &format!("{unit}/K")),
-        "noise_stddev": {"unit": unit, "value": of.noise_stddev.as_slice(), "stddev": of.noise_stddev_stddev.as_slice()},
-        "noise_density": per_axis(&white(of), &format!("{unit}/sqrt(Hz)")),
-        "bias_walk": per_axis(&walk(of), &format!("{unit}/sqrt(s)")),
-        "bias_instability": per_axis(&instability(of), unit),
-        "misfit": of.misfit.map(|misfit: Misfit| json!({
-            "ratio": misfit.ratio(), "degrees_of_freedom": misfit.dof, "fits": misfit.fits(),
-        })),
-    })
-}
-
-fn of_noise(sensor: &SensorCalibration, pick: impl Fn(&NoiseDensities) -> Option<[f64; 2]>) -> PerAxis {
-    let mut all = PerAxis { value: [0.0; 3].into(), stddev: [f64::INFINITY; 3].into() };
-    for (axis, found) in sensor.noise.iter().enumerate() {
-        if let Some([value, stddev]) = found.as_ref().and_then(&pick) {
-            (all.value[axis], all.stddev[axis]) = (value, stddev);
-        }
-    }
-    all
-}
-
-/// White noise density per axis.
-#[must_use]
-pub fn white(sensor: &SensorCalibration) -> PerAxis {
-    of_noise(sensor, |fit| Some([fit.white, fit.white_stddev]))
-}
-
-/// Random walk of the bias per axis, where it rises out of the white noise.
-#[must_use]
-pub fn walk(sensor: &SensorCalibration) -> PerAxis {
-    of_noise(sensor, |fit| fit.walk_seen.then_some([fit.walk, fit.walk_stddev]))
-}
-
-/// Bias instability per axis, where averaging longer does not help any more: the lowest Allan deviation.
-#[must_use]
-pub fn instability(sensor: &SensorCalibration) -> PerAxis {
-    of_noise(sensor, |fit| fit.floor_seen.then_some([fit.floor, fit.floor_stddev]))
-}
-
-/// What a calibration changes in the platform's file: the errors, and in `model_prior` how well they are known.
-#[must_use]
-pub fn changes(found: &ImuCalibration) -> Vec<Change> {
-    let mut all = of_calibration(found);
-    for (name, suffix, sensor) in
-        [("gyro", "rad_s", &found.gyro), ("accelerometer", "m_s2", &found.accelerometer)]
-    {
-        let sample = PerAxis { value: sensor.noise_stddev, stddev: sensor.noise_stddev_stddev };
-        let quantities = [
-            (format!("bias_{suffix}"), sensor.bias),
-            ("scale".to_owned(), sensor.scale),
-            ("misalignment_rad".to_owned(), sensor.misalignment_rad),
-            ("skew_rad".to_owned(), sensor.skew_rad),
-            (format!("noise_stddev_{suffix}"), sample),
-            (format!("bias_walk_{suffix}_sqrt_s"), walk(sensor)),
-        ];
-        for (key, quantity) in quantities {
-            // Beside what was written, and nowhere else.
-            let is_written = all.iter().any(|change| change.key == format!("model.sensors.{name}.{key}"));
-            if is_written && quantity.determined() == [true; 3] {
-                let rounded = |x: &f64| three_digits(*x).parse().unwrap_or(*x);
-                let value = Parameter::DoubleArray(quantity.stddev.iter().map(rounded).collect());
-                let comment = "standard deviation, calibrated".to_owned();
-                all.push(Change { key: format!("model_prior.sensors.{name}.{key}"), value, comment });
-            }
-        }
-    }
-    all
-}
-
-fn per_axis(of: &PerAxis, unit: &str) -> Value {
-    let known = |axis: usize, value: f64| {
-        of.stddev.as_slice().get(axis).is_some_and(|s| s.is_finite()).then_some(value)
-    };
-    let all = |values: &[f64]| -> Vec<Option<f64>> {
-        values.iter().enumerate().map(|(axis, value)| known(axis, *value)).collect()
-    };
-    json!({"unit": unit, "value": all(of.value.as_slice()), "stddev": all(of.stddev.as_slice())})
+    let rows = of.quantities(unit).map(|quantity| {
+        let known = |values: &Vector3<f64>| -> Vec<Option<f64>> {
+            let all = values.iter().zip(quantity.of.determined());
+            all.map(|(value, is_known)| is_known.then_some(*value)).collect()
+        };
+        let (value, stddev) = (known(&quantity.of.value), known(&quantity.of.stddev));
+        (quantity.key.to_owned(), json!({"unit": quantity.unit, "value": value, "stddev": stddev}))
+    });
+    let misfit = of.misfit.map(
+        |misfit| json!({"ratio": misfit.ratio(), "degrees_of_freedom": misfit.dof, "fits": misfit.fits()}),
+    );
+    rows.into_iter().chain([("misfit".to_owned(), json!(misfit))]).collect()
 }

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use anyhow::bail;
 use serde_json::json;
 use whorl_explain::adopt::versions;
-use whorl_explain::{Case, ComparedRun, ProgressCallback, prediction_error};
+use whorl_explain::{Adoption, Case, ComparedRun, ProgressCallback, prediction_error};
 use whorl_validation::comparison::PREDICTION_RULE;
 
 use crate::options;
 
 /// Version of the JSON output.
-const SCHEMA: u32 = 2;
+const SCHEMA: u32 = 3;
 
 /// All runs compared with the model as given, and with its own parameters refitted.
 ///
@@ -21,7 +21,7 @@ pub fn refitted(
     case: &Case<'_>,
     say: &mut ProgressCallback<'_>,
 ) -> anyhow::Result<(Vec<ComparedRun>, Vec<ComparedRun>)> {
-    let (versions, left_out) = versions(case, &[], &BTreeMap::new(), &options(), say)?;
+    let Adoption { versions, left_out } = versions(case, &[], &BTreeMap::new(), &options(), say)?;
     let mut versions = versions.into_iter();
     match (versions.next(), versions.next(), left_out.first()) {
         (Some(given), Some(refitted), _) => Ok((given.runs, refitted.runs)),
@@ -46,7 +46,6 @@ pub fn as_json(
             object.insert("held_out".to_owned(), json!(run.held_out));
             object.insert("answer".to_owned(), json!(run.comparison.answer()));
             object.insert("innovations".to_owned(), json!(run.comparison.said_of_innovations()));
-            object.insert("findings".to_owned(), json!(run.comparison.findings()));
         }
         list.push(value);
     }

@@ -5,7 +5,7 @@ use whorl_identification::{Discovery, EvaluatedLaw};
 use whorl_math::three_digits;
 
 /// Version of the JSON output.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 
 /// Probability from which the best law is called the law.
 const SURE: f64 = 0.9;
@@ -58,12 +58,6 @@ pub fn answer(found: &Discovery) -> Vec<String> {
             percent(best)
         )),
         "effect" => sentences.push(format!("{} It is likelier than any law that was found ({}).", best.sentence, percent(best))),
-        "curve" => sentences.push(format!(
-            "Measured, not understood: {} No formula fits as well ({}{}).",
-            best.sentence,
-            percent(best),
-            held(best)
-        )),
         _ if best.probability >= SURE => sentences.push(format!(
             "{} It has {}, of {} laws tried{}. Equation: torque = {}.",
             best.sentence,
@@ -97,7 +91,9 @@ pub fn answer(found: &Discovery) -> Vec<String> {
         let values: Vec<String> = best
             .parameters
             .iter()
-            .map(|p| format!("{} = {} {}", p.name, three_digits(p.value), p.unit))
+            .map(|p| {
+                format!("{} = {} +- {} {}", p.name, three_digits(p.value), three_digits(p.stddev), p.unit)
+            })
             .collect();
         sentences.push(format!("Fitted: {}.", values.join(", ")));
     }

@@ -5,20 +5,21 @@ use std::path::Path;
 use anyhow::Context as _;
 use serde_json::json;
 use whorl_bag::RunDirectory;
-use whorl_explain::History;
-use whorl_explain::trends::{Change, ChangeKind, Trend, Trends};
+use whorl_explain::trends::{Change, Trend, Trends};
 use whorl_math::three_digits;
+use whorl_params::ModelStep;
+use whorl_recording::KnownPlatform;
 use whorl_tables::{Table, TableError, Values, partition};
 
 use crate::tables::WrittenTable;
 
 /// Version of the JSON output.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 /// A change that is told: one in a hundred of histories without any tells one.
 const TOLD: f64 = 0.01;
 /// Headings of [`rows`], with `#` before those of numbers.
 pub const HEADINGS: [&str; 9] =
-    ["effect", "parameter", "unit", "#runs", "#scatter", "change", "#by", "#+-", "#chance"];
+    ["effect", "parameter", "unit", "#runs", "#scatter", "changed at", "#by", "#+-", "#chance"];
 
 /// When a run began \[s since 1970\]: as its manifest says, else when its file was written.
 ///
@@ -38,21 +39,16 @@ pub fn began_s(path: &Path) -> anyhow::Result<f64> {
 #[must_use]
 pub fn sentences(found: &Trends) -> Vec<String> {
     let mut told: Vec<String> = found
-        .changed(TOLD)
+        .trends
+        .iter()
+        .filter_map(|trend| Some((trend, trend.change.as_ref().filter(|change| change.chance < TOLD)?)))
         .map(|(trend, change)| {
             let unit = if trend.unit == "1" { String::new() } else { format!(" {}", trend.unit) };
             let (size, stddev) = (three_digits(change.size), three_digits(change.stddev));
             let name = format!("{} {}", trend.group, trend.name);
             let sure = format!("{:.1} sigma after all that was looked at", change.sigma_after);
-            match change.kind {
-                ChangeKind::Step { from } => {
-                    let run = found.runs.get(from).map_or("?", |(run, _)| run.as_str());
-                    format!("Since {run}: {name} has changed by {size} +- {stddev}{unit}, {sure}.")
-                }
-                ChangeKind::Drift => {
-                    format!("{name} drifts by {size} +- {stddev}{unit} a day, {sure}.")
-                }
-            }
+            let run = found.runs.get(change.from).map_or("?", |(run, _)| run.as_str());
+            format!("Since {run}: {name} has changed by {size} +- {stddev}{unit}, {sure}.")
         })
         .collect();
     if told.is_empty() {
@@ -71,12 +67,8 @@ pub fn sentences(found: &Trends) -> Vec<String> {
 pub fn rows(found: &Trends) -> Vec<Vec<String>> {
     let row = |trend: &Trend| {
         let change = trend.change.as_ref();
-        let kind = change.map_or_else(String::new, |change| match change.kind {
-            ChangeKind::Step { from } => {
-                format!("at {}", found.runs.get(from).map_or("?", |(run, _)| run.as_str()))
-            }
-            ChangeKind::Drift => "drift, a day".to_owned(),
-        });
+        let from = change.and_then(|change| found.runs.get(change.from));
+        let from = from.map_or_else(String::new, |(run, _)| run.clone());
         let number = |of: fn(&Change) -> f64| change.map_or_else(String::new, |c| three_digits(of(c)));
         vec![
             trend.group.clone(),
@@ -84,7 +76,7 @@ pub fn rows(found: &Trends) -> Vec<Vec<String>> {
             trend.unit.clone(),
             trend.estimates.len().to_string(),
             format!("{:.2}", trend.scatter),
-            kind,
+            from,
             number(|c| c.size),
             number(|c| c.stddev),
             number(|c| c.chance),
@@ -103,11 +95,7 @@ pub fn trends_as_json(found: &Trends) -> serde_json::Value {
             .map(|e| json!({"run": e.run, "value": e.value, "stddev": e.stddev}))
             .collect();
         let change = trend.change.as_ref().map(|c| {
-            let (kind, from) = match c.kind {
-                ChangeKind::Step { from } => ("step", Some(from)),
-                ChangeKind::Drift => ("drift_per_day", None),
-            };
-            json!({"kind": kind, "from_run": from, "size": c.size, "stddev": c.stddev, "sigma": c.sigma,
+            json!({"from_run": c.from, "size": c.size, "stddev": c.stddev, "sigma": c.sigma,
                "chance": c.chance, "sigma_after": c.sigma_after})
         });
         json!({"group": trend.group, "name": trend.name, "unit": trend.unit, "model": trend.model,
@@ -122,31 +110,14 @@ pub fn trends_as_json(found: &Trends) -> serde_json::Value {
 
 /// How a model came to be.
 #[must_use]
-pub fn as_json(history: &History) -> serde_json::Value {
-    let steps: Vec<_> = history
-        .steps
-        .iter()
-        .map(|step| {
-            json!({"number": step.number, "date": step.date, "effects": step.effects,
-               "prediction_error": step.prediction_error,
-               "held_out_prediction_error": step.held_out_prediction_error, "source": step.source})
-        })
-        .collect();
-    let effects: Vec<_> = history
-        .effects
-        .iter()
-        .map(|effect| {
-            let parameters: Vec<_> = effect
-                .parameters
-                .iter()
-                .map(|p| json!({"name": p.name, "unit": p.unit, "value": p.value, "stddev": p.stddev}))
-                .collect();
-            json!({"effect": effect.effect, "adopted_in": effect.adopted_in, "parameters": parameters})
-        })
-        .collect();
-    let sources: Vec<_> =
-        history.sources.iter().map(|(source, keys)| json!({"source": source, "parameters": keys})).collect();
-    json!({"schema": SCHEMA, "platform": history.platform, "steps": steps, "effects": effects, "sources": sources})
+pub fn as_json(known: &KnownPlatform) -> serde_json::Value {
+    let step = |step: &ModelStep| {
+        json!({"number": step.number, "date": step.date, "effects": step.effects,
+           "prediction_error": step.prediction_error,
+           "held_out_prediction_error": step.held_out_prediction_error, "source": step.source})
+    };
+    let steps: Vec<_> = known.history.iter().map(step).collect();
+    json!({"schema": SCHEMA, "platform": known.platform, "steps": steps})
 }
 
 /// Writes every estimate of every parameter, a row to each: `platform=<name>/history.parquet`, with the run it is of, when that
@@ -164,15 +135,7 @@ pub fn write_table(found: &Trends, platform: &str, folder: &Path) -> Result<Writ
     let texts =
         |of: &dyn Fn(&Trend) -> String| Values::Texts(all.iter().map(|(trend, _)| of(trend)).collect());
     let name = |index: usize| run(index).map(|(name, _)| name.clone()).unwrap_or_default();
-    let kind = |trend: &Trend| match trend.change.as_ref().map(|change| change.kind) {
-        Some(ChangeKind::Step { .. }) => "step".to_owned(),
-        Some(ChangeKind::Drift) => "drift_per_day".to_owned(),
-        None => String::new(),
-    };
-    let from = |trend: &Trend| match trend.change.as_ref().map(|change| change.kind) {
-        Some(ChangeKind::Step { from }) => name(from),
-        _ => String::new(),
-    };
+    let from = |trend: &Trend| trend.change.as_ref().map_or_else(String::new, |change| name(change.from));
     let began = all.iter().map(|(_, e)| run(e.run).map_or(f64::NAN, |(_, began_s)| *began_s));
     let table = Table::default()
         .with("run", Values::Texts(all.iter().map(|(_, e)| name(e.run)).collect()))
@@ -184,7 +147,6 @@ pub fn write_table(found: &Trends, platform: &str, folder: &Path) -> Result<Writ
         .with("stddev", Values::Numbers(all.iter().map(|(_, e)| e.stddev).collect()))
         .with("model", numbers(&|trend| Some(trend.model)))
         .with("scatter", numbers(&|trend| Some(trend.scatter)))
-        .with("change", texts(&kind))
         .with("change_from_run", texts(&from))
         .with("change_by", numbers(&|trend| Some(trend.change.as_ref()?.size)))
         .with("change_stddev", numbers(&|trend| Some(trend.change.as_ref()?.stddev)))

@@ -13,8 +13,7 @@ pub fn as_json(platform: &str, model: &PlatformModel, found: &Identification) ->
         .map(|i| {
             json!({
                 "name": NAMES[i], "unit": UNITS[i], "before": before[i], "estimate": found.estimate[i],
-                "stddev": stddev[i], "stddev_known_actuators": found.stddev_known_actuators[i],
-                "prior_stddev": found.prior_stddev[i],
+                "stddev": stddev[i], "prior_stddev": found.prior_stddev[i],
                 "determined": determined(found.determined[i]),
             })
         })
@@ -25,25 +24,20 @@ pub fn as_json(platform: &str, model: &PlatformModel, found: &Identification) ->
         "platform": platform,
         "duration_s": found.duration_s,
         "prediction_error": {"before": found.error_before, "after": found.error_after},
-        "gain_nats": found.gain_nats,
         "usable": found.usable(),
         "parameters": parameters,
         "covariance": covariance,
-        "effects": beside_as_json(&found.effects),
-        "actuators": beside_as_json(&found.actuators),
+        "others": found.others.iter().map(other_as_json).collect::<Vec<_>>(),
         "findings": findings_as_json(&found.findings),
     })
 }
 
-fn beside_as_json(parameters: &[FittedParameter]) -> Vec<Value> {
-    let one = |p: &FittedParameter| {
-        json!({
-            "effect": p.group, "name": p.name, "unit": p.unit, "before": p.before, "estimate": p.estimate,
-            "stddev": p.stddev, "prior_stddev": p.prior_stddev,
-            "determined": determined(Determined::of(p.stddev, p.prior_stddev)), "at_bound": p.at_bound,
-        })
-    };
-    parameters.iter().map(one).collect()
+fn other_as_json(p: &FittedParameter) -> Value {
+    json!({
+        "of": p.group, "name": p.name, "unit": p.unit, "before": p.before, "estimate": p.estimate,
+        "stddev": p.stddev, "prior_stddev": p.prior_stddev,
+        "determined": determined(Determined::of(p.stddev, p.prior_stddev)), "at_bound": p.at_bound,
+    })
 }
 
 fn determined(determined: Determined) -> &'static str {

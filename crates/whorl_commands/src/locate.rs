@@ -5,7 +5,7 @@ use whorl_explain::Located;
 use whorl_validation::Localisation;
 
 /// Version of the JSON output.
-const SCHEMA: u32 = 3;
+const SCHEMA: u32 = 4;
 
 /// Everything.
 ///

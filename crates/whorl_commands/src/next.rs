@@ -24,7 +24,7 @@ pub fn suggestion(
     }
     let common = common_file(&runs.known, None)?;
     let proposal = proposal(runs, &common, diagnosis, options, say).ok()?;
-    let best = proposal.best()?;
+    let best = proposal.judged.first()?;
     Some(NextManoeuvre {
         manoeuvre: format!(
             "{} {} ({}); `whorl next` writes it as an experiment",
@@ -47,9 +47,8 @@ pub fn proposal(
     say: &mut ProgressCallback<'_>,
 ) -> anyhow::Result<Proposal> {
     let (case, known) = (runs.case(), &runs.known);
-    say(0.0, "fitting the leading explanation");
-    let truth = leading_explanation(&case, diagnosis, options);
-    let stage = Stage::new(known, &own_text(known)?, common, &truth)?;
+    let truth = leading_explanation(&case, diagnosis);
+    let stage = Stage::new(known, &own_text(known)?, common, truth)?;
     let rehearse = |name: &str, yaml: &str| {
         stage.rehearse(name, yaml, &known.model).map_err(|error| crate::in_words(&error))
     };

@@ -5,7 +5,8 @@ use std::path::Path;
 use anyhow::{Context as _, bail};
 use serde::Serialize;
 use whorl_bag::RunDirectory;
-use whorl_explain::propose::{Envelope, Manoeuvre, family, yaml};
+use whorl_dynamics::PlatformModel;
+use whorl_explain::propose::{Manoeuvre, family};
 use whorl_math::deg_from_rad;
 use whorl_msgs::topics::Message;
 use whorl_recording::{KnownPlatform, read_model};
@@ -38,11 +39,10 @@ impl Pointing {
     /// When the platform has nothing to point with, or nothing says how its nodes are set.
     pub fn simulated(before: &KnownPlatform, file: &Path) -> anyhow::Result<Self> {
         let after = &read_model(file, Some(&before.platform))?;
-        let envelope = Envelope::of(&after.model, GENTLE);
-        let manoeuvre = usual(&envelope).context("it has no wheels or jets to turn with")?;
+        let manoeuvre = usual(&after.model).context("it has no wheels or jets to turn with")?;
         let common = common_file(before, file.parent())
             .context("no common.yaml beside its file says how its nodes are set")?;
-        let text = yaml(USUAL, &after.platform, &envelope, &manoeuvre, &[]);
+        let text = manoeuvre.yaml(USUAL, &after.platform, &[]);
         let step = after.history.last().map_or(0, |step| step.number);
         let (_, text_before) = text_before(file, step)?;
         let error = |known: &KnownPlatform, own: &str| -> anyhow::Result<f64> {
@@ -70,10 +70,10 @@ impl Pointing {
 }
 
 /// A manoeuvre in closed loop for the actuators that there are.
-fn usual(envelope: &Envelope) -> Option<Manoeuvre> {
+fn usual(model: &PlatformModel) -> Option<Manoeuvre> {
     let is_closed = |m: &Manoeuvre| m.excitations.is_empty();
     let (mut named, others): (Vec<_>, Vec<_>) =
-        family(envelope).into_iter().filter(is_closed).partition(|m| m.name == USUAL);
+        family(model, GENTLE).into_iter().filter(is_closed).partition(|m| m.name == USUAL);
     named.pop().or_else(|| others.into_iter().next())
 }
 

@@ -23,11 +23,7 @@ pub fn as_yaml(settings: &Settings) -> String {
         for line in wrapped(&format!("{} Allowed: {}.", setting.doc, setting.allowed)) {
             let _ = writeln!(text, "  # {line}");
         }
-        let value = match setting.values.as_slice() {
-            [one] => format!("{one:?}"),
-            several => format!("{several:?}"),
-        };
-        let _ = writeln!(text, "  {}: {value}", setting.name);
+        let _ = writeln!(text, "  {}: {:?}", setting.name, setting.value);
     }
     let _ = writeln!(
         text,
@@ -68,14 +64,13 @@ pub fn read(path: &Path) -> anyhow::Result<Settings> {
     let parameters = ParameterTree::load_for(path, SECTION)?;
     let mut settings = Settings::default();
     for entry in parameters.iter() {
-        let numbers = match &entry.value {
-            Value::Integer(number) => vec![*number as f64],
-            Value::Double(number) => vec![*number],
-            Value::IntegerArray(numbers) => numbers.iter().map(|number| *number as f64).collect(),
-            Value::DoubleArray(numbers) => numbers.clone(),
-            Value::Bool(_) | Value::String(_) | Value::BoolArray(_) | Value::StringArray(_) => Vec::new(),
+        // What is no number is none that is allowed.
+        let value = match &entry.value {
+            Value::Integer(number) => *number as f64,
+            Value::Double(number) => *number,
+            _ => f64::NAN,
         };
-        if let Err(problem) = settings.set(&entry.key, &numbers) {
+        if let Err(problem) = settings.set(&entry.key, value) {
             bail!("{}: {} = {}: {problem}; all stand under {SECTION}:", entry.origin, entry.key, entry.value);
         }
     }
@@ -96,8 +91,8 @@ mod tests {
     #[test]
     fn what_is_printed_is_read_back() {
         let mut changed = Settings::default();
-        changed.set("worth_mentioning", &[5e-4]).unwrap();
-        changed.set("unusual_odds", &[400.0]).unwrap();
+        changed.set("worth_mentioning", 5e-4).unwrap();
+        changed.set("unusual_odds", 400.0).unwrap();
         let text = as_yaml(&changed);
         assert_eq!(read_text(&text).unwrap(), changed);
         // Before a line of the predictor stand six characters.
@@ -124,7 +119,7 @@ mod tests {
         let some = read_text("diagnosis:\n  at_work_s: 40\n").unwrap();
         assert_eq!(some, {
             let mut settings = Settings::default();
-            settings.set("at_work_s", &[40.0]).unwrap();
+            settings.set("at_work_s", 40.0).unwrap();
             settings
         });
         for (line, parts) in [

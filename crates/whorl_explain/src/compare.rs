@@ -31,15 +31,14 @@ pub(crate) fn compare_fitted(
     followed: &[Followed],
     say: &mut ProgressCallback<'_>,
 ) -> Result<Vec<ComparedRun>, ExplainError> {
-    let training = case.training.iter().map(|run| (run, false));
-    let all: Vec<(&Recording, bool)> = training.chain(case.held_out.iter().map(|run| (run, true))).collect();
-    let names: Vec<&str> = all.iter().map(|(run, _)| run.name.as_str()).collect();
+    let all: Vec<&Recording> = case.training.iter().chain(case.held_out).collect();
+    let names: Vec<&str> = all.iter().map(|run| run.name.as_str()).collect();
     say(0.0, &format!("comparing {}", names.join(", ")));
-    let compared = |(i, (run, held_out)): (usize, (&Recording, bool))| -> Result<ComparedRun, ExplainError> {
+    let compared = |(i, run): (usize, &Recording)| -> Result<ComparedRun, ExplainError> {
         let (usable, left_out) = usable_readings(run, case.model);
         let mut comparison = whorl_validation::compare_as(&usable, case.model, followed.get(i))?;
         comparison.remarks.extend(left_out);
-        Ok(ComparedRun { comparison, held_out })
+        Ok(ComparedRun { comparison, held_out: i >= case.training.len() })
     };
     let results: Vec<_> = all.into_par_iter().enumerate().map(compared).collect();
     // The first error in the order of the runs.
@@ -49,17 +48,11 @@ pub(crate) fn compare_fitted(
 /// Prediction error of a model, over all training or all held-out runs; `None` if no run is long enough. 1 = as good as the
 /// model says: noise alone.
 ///
-/// It is the root of the mean square of all prediction errors, each over the deviation that the model predicts for it:
-///
-/// - **samples**: every sample of gyro, accelerometer, vector sensors and wheel speeds;
-/// - **horizon**: stretches of 10 s (a quarter of the run for shorter ones), each predicted by the model and the recorded
-///   commands alone from what a filter with this model knows at its beginning;
-/// - **deviation**: of the noise that the run shows, and of what the model alone leaves uncertain of the start;
-/// - **model**: the one given to [`compare`]; whether the platform's own parameters were refitted is in the
-///   version's name ("as given", "base refitted", "with ...").
+/// It is the root of the mean square of all prediction errors, each over the deviation that the model predicts for it: of every sample of
+/// gyro, accelerometer, vector sensors and wheel speeds, over stretches of 10 s (a quarter of the run for shorter ones), each predicted
+/// by the model and the recorded commands alone from what a filter with this model knows at its beginning.
 #[must_use]
 pub fn prediction_error(runs: &[ComparedRun], held_out: bool) -> Option<f64> {
-    whorl_validation::prediction_error(
-        runs.iter().filter(|run| run.held_out == held_out).map(|run| &run.comparison),
-    )
+    let asked = runs.iter().filter(|run| run.held_out == held_out);
+    whorl_validation::prediction_error(asked.map(|run| &run.comparison))
 }

@@ -2,15 +2,11 @@
 
 use thiserror::Error;
 use whorl_identification::DiagnosisError;
-use whorl_prediction::Refusal;
 use whorl_validation::ValidationError;
 
 /// Why data cannot be explained, and what would help.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ExplainError {
-    /// A recording cannot be used.
-    #[error(transparent)]
-    Refused(#[from] Refusal),
     /// A recording cannot be compared with the model.
     #[error(transparent)]
     Validation(#[from] ValidationError),
@@ -23,25 +19,12 @@ pub enum ExplainError {
         /// Which version.
         version: String,
         /// Why not.
-        error: DiagnosisError,
+        error: Box<DiagnosisError>,
     },
-    /// A history needs runs to compare.
+    /// What changed needs runs to compare.
     #[error("a history needs at least two runs")]
     TooFewRuns,
-    /// Manoeuvres are designed for platforms on their bearing.
-    #[error(
-        "all runs are of a clamped platform, and manoeuvres are designed for a free one: for a bench test let every wheel coast down from full speed to both sides, then brake it through zero"
-    )]
-    Clamped,
-    /// A manoeuvre cannot be simulated.
-    #[error("cannot simulate the manoeuvre {name}: {reason}")]
-    Rehearsal {
-        /// The manoeuvre.
-        name: String,
-        /// Why not.
-        reason: String,
-    },
-    /// Every manoeuvre exceeds the platform's limits.
-    #[error("no manoeuvre stays within the platform's limits: {0}")]
+    /// The platform is clamped, no manoeuvre can be simulated, or every one exceeds the platform's limits.
+    #[error("no manoeuvre can be proposed: {0}")]
     NoManoeuvre(String),
 }

@@ -9,7 +9,6 @@
 //! | which effect is missing? | [`diagnose`] | [`Explanation`] |
 //! | which manoeuvre is most informative? | [`propose()`] | [`Proposal`] |
 //! | how much does an effect improve the model? | [`adopt()`] | [`Adoption`] |
-//! | what was adopted before? | [`history()`] | [`History`] |
 //! | what changed from run to run? | [`trends::trends`] | [`trends::Trends`] |
 //!
 //! Nothing here reads or writes files or prints. The `whorl` command, the pages and other programs call the same
@@ -21,7 +20,6 @@ pub mod changes;
 mod compare;
 mod diagnose;
 mod error;
-mod history;
 mod locate;
 pub mod propose;
 #[cfg(test)]
@@ -33,9 +31,8 @@ use whorl_recording::Recording;
 
 pub use adopt::{Adoption, Version, adopt};
 pub use compare::{ComparedRun, compare, prediction_error};
-pub use diagnose::{Explanation, UnexplainedTorque, diagnose};
+pub use diagnose::{Explanation, diagnose};
 pub use error::ExplainError;
-pub use history::{EffectInModel, History, ParameterInModel, history};
 pub use locate::{Located, locate};
 pub use propose::{Proposal, propose};
 
@@ -50,17 +47,6 @@ pub struct Case<'a> {
     pub model: &'a PlatformModel,
     /// The prior: how well the model is known.
     pub prior: &'a ModelPrior,
-}
-
-impl<'a> Case<'a> {
-    /// The same runs with another model.
-    #[must_use]
-    pub fn with_model<'b>(self, model: &'b PlatformModel) -> Case<'b>
-    where
-        'a: 'b,
-    {
-        Case { model, ..self }
-    }
 }
 
 /// Receives the progress (0 to 1) and the current step of a long computation.

@@ -2,16 +2,16 @@
 
 use rayon::prelude::*;
 use whorl_dynamics::PlatformModel;
-use whorl_identification::{Fit, Options, fit, usable_readings};
+use whorl_identification::{Options, fit, usable_readings};
 use whorl_recording::Recording;
 use whorl_validation::{Localisation, UnexplainedTorques, explain_where, unexplained_torques};
 
-use crate::adopt::farthest;
+use crate::adopt::implausible;
 use crate::{Case, ExplainError, ProgressCallback};
 
 /// Prior standard deviations by which the platform's own parameters may move to explain a run. If a fit asks for more,
 /// they compensate for something else that is missing.
-const MOST_STDDEVS: f64 = 5.0;
+pub(crate) const MOST_STDDEVS: f64 = 5.0;
 
 /// Where a model fails.
 #[derive(Debug, Clone)]
@@ -43,25 +43,17 @@ pub fn locate(
 ) -> Result<Located, ExplainError> {
     say(0.0, "fitting the platform's own parameters");
     let fitted = fit(case.training, case.model, case.prior, &[], options);
-    let plausible = fitted.map_err(|error| error.to_string()).and_then(|fitted| {
-        check_plausible(&fitted)?;
-        Ok((fitted.model, fitted.followed))
-    });
-    let ((model, known), not_refitted) = match plausible {
-        Ok(fitted) => (fitted, None),
-        Err(reason) => ((case.model.clone(), Vec::new()), Some(reason)),
+    let (model, known, not_refitted) = match fitted {
+        Err(error) => (case.model.clone(), Vec::new(), Some(error.to_string())),
+        Ok(fitted) => match implausible(&fitted, MOST_STDDEVS, |_| true) {
+            None => (fitted.model, fitted.followed, None),
+            reason => (case.model.clone(), Vec::new(), reason),
+        },
     };
     let used: Vec<_> =
         case.training.iter().chain(case.held_out).map(|run| usable_readings(run, case.model).0).collect();
     let all: Vec<&Recording> = used.iter().map(AsRef::as_ref).collect();
-    say(
-        0.5,
-        &if let [run] = all[..] {
-            format!("following {}", run.name)
-        } else {
-            format!("following {} runs", all.len())
-        },
-    );
+    say(0.5, "following the runs");
     let torques_of = |(i, run): (usize, &&Recording)| unexplained_torques(run, &model, known.get(i));
     let torques: Vec<_> = all.par_iter().enumerate().map(torques_of).collect();
     let torques: Vec<UnexplainedTorques> = torques.into_iter().collect::<Result<_, _>>()?;
@@ -73,15 +65,4 @@ pub fn locate(
         runs.push(explain_where(&[*run], &model)?);
     }
     Ok(Located { pooled, runs, torques, model, not_refitted })
-}
-
-/// Checks that the platform's own parameters have moved within their priors; if not, names the worst one.
-pub(crate) fn check_plausible(fitted: &Fit) -> Result<(), String> {
-    match farthest(fitted, |_| true) {
-        Some((worst, stddevs)) if stddevs > MOST_STDDEVS => Err(format!(
-            "a refit would move {} of {} by {stddevs:.0} of its prior's standard deviations; the platform's own parameters alone cannot explain the data",
-            worst.name, worst.group
-        )),
-        _ => Ok(()),
-    }
 }

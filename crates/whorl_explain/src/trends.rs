@@ -1,13 +1,13 @@
-//! Parameters over many runs: what stays, what drifts, what changed when, and what differs between two sets of runs.
+//! Parameters over many runs: what stays, what changed when, and what differs between two sets of runs.
 //!
 //! Each run is fitted alone. What the prior adds to an estimate is taken out again, so that an estimate is that run's own:
 //! of a prior m +- s0 and a posterior m + d +- s, the data alone say m + d / w +- s / sqrt(w), with w = 1 - (s / s0)^2. A
-//! change between two neighbouring runs, and a drift over time, are tested against "it stays": the difference over its
-//! standard deviation, from both sides. Where estimates scatter more than their standard deviations say, these are
-//! widened until they fit (Birge's ratio). With N tests in all (parameters times places, and one drift each) a chance p
-//! becomes 1 - (1 - p)^N: that is the significance after all that was looked at.
+//! step between two neighbouring runs is the slope of a weighted line over 0 before and 1 after, tested against "it stays" from both
+//! sides; what drifts shows as a step in the middle. Where estimates scatter more than their standard deviations say, these are
+//! widened until they fit (Birge's ratio). With N tests in all (parameters times places) a chance p becomes 1 - (1 - p)^N: that is the
+//! significance after all that was looked at.
 
-use whorl_dynamics::effects::{catalogue, find};
+use whorl_dynamics::effects::catalogue;
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_identification::{Options, fit};
 use whorl_math::line::Line;
@@ -18,10 +18,6 @@ use crate::{ExplainError, ProgressCallback};
 
 /// An estimate of which less than this share is the data's is no measurement.
 const INFORMED: f64 = 0.2;
-/// Runs of fewer days show no drift a day.
-const LEAST_SPAN_DAYS: f64 = 0.5;
-/// Seconds in a day.
-const DAY_S: f64 = 86_400.0;
 
 /// A run and when it began.
 #[derive(Debug, Clone, Copy)]
@@ -46,9 +42,9 @@ pub struct Estimate {
 /// Something that changed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Change {
-    /// How it changed.
-    pub kind: ChangeKind,
-    /// By how much: a step in the parameter's unit, a drift in its unit per day.
+    /// The first run of the new value.
+    pub from: usize,
+    /// By how much, in the parameter's unit.
     pub size: f64,
     /// Standard deviation of that.
     pub stddev: f64,
@@ -58,18 +54,6 @@ pub struct Change {
     pub chance: f64,
     /// The same in standard deviations of a normal law, both sides; 0 where it is as likely as not.
     pub sigma_after: f64,
-}
-
-/// How a parameter changed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ChangeKind {
-    /// From this run on it is another.
-    Step {
-        /// The first run of the new value.
-        from: usize,
-    },
-    /// It moves steadily.
-    Drift,
 }
 
 /// One parameter over all runs.
@@ -104,17 +88,6 @@ pub struct Trends {
     pub left_out: Vec<(String, String)>,
 }
 
-impl Trends {
-    /// Those whose change has a chance below this.
-    pub fn changed(&self, chance: f64) -> impl Iterator<Item = (&Trend, &Change)> {
-        let of = move |trend| -> Option<(&Trend, &Change)> {
-            let trend: &Trend = trend;
-            trend.change.as_ref().filter(|change| change.chance < chance).map(|change| (trend, change))
-        };
-        self.trends.iter().filter_map(of)
-    }
-}
-
 /// Fits every run alone and tests what changed. With `since` only that place is tested: what differs between the runs
 /// before it and those from it on (an index into the runs in order of time).
 ///
@@ -128,18 +101,15 @@ pub fn trends(
     options: &Options,
     say: &mut ProgressCallback<'_>,
 ) -> Result<Trends, ExplainError> {
-    let mut runs: Vec<DatedRun<'_>> = runs.to_vec();
+    let mut runs = runs.to_vec();
     runs.sort_by(|a, b| a.began_s.total_cmp(&b.began_s));
-    let effects: Vec<&str> =
-        model.effects.keys().filter_map(|id| find(id)).map(|effect| effect.info().id).collect();
-    let (mut trends, mut left_out): (Vec<Trend>, Vec<(String, String)>) = (Vec::new(), Vec::new());
-    let mut last_error = None;
+    let effects: Vec<&str> = model.effects.keys().map(String::as_str).collect();
     // What changed may have changed by more than a model that was adopted a week ago thinks possible.
     let prior = &widened(model, prior);
+    let (mut trends, mut left_out, mut last_error) = (Vec::<Trend>::new(), Vec::new(), None);
     for (index, run) in runs.iter().enumerate() {
         say(index as f64 / runs.len() as f64, &format!("fitting {}", run.recording.name));
-        let found = fit(std::slice::from_ref(run.recording), model, prior, &effects, options);
-        let found = match found {
+        let found = match fit(std::slice::from_ref(run.recording), model, prior, &effects, options) {
             Ok(found) => found,
             Err(error) => {
                 left_out.push((run.recording.name.clone(), error.to_string()));
@@ -147,39 +117,32 @@ pub fn trends(
                 continue;
             }
         };
-        for parameter in found.estimates.iter().filter(|p| p.stddev > 0.0 && p.stddev.is_finite()) {
-            let known = trends.iter().position(|t| t.group == parameter.group && t.name == parameter.name);
-            let place = known.unwrap_or_else(|| {
-                trends.push(Trend {
-                    group: parameter.group.clone(),
-                    name: parameter.name.clone(),
-                    unit: parameter.unit.clone(),
-                    model: parameter.before,
-                    estimates: Vec::new(),
+        for p in found.estimates.iter().filter(|p| !p.at_bound && p.stddev > 0.0 && p.stddev.is_finite()) {
+            let width = options.settings.prior_margin * p.prior_stddev;
+            let own = 1.0 - (p.posterior_stddev / width).powi(2);
+            if own <= INFORMED {
+                continue;
+            }
+            let value = p.before + (p.estimate - p.before) / own;
+            let estimate = Estimate { run: index, value, stddev: p.posterior_stddev / own.sqrt() };
+            match trends.iter_mut().find(|t| t.group == p.group && t.name == p.name) {
+                Some(trend) => trend.estimates.push(estimate),
+                None => trends.push(Trend {
+                    group: p.group.clone(),
+                    name: p.name.clone(),
+                    unit: p.unit.clone(),
+                    model: p.before,
+                    estimates: vec![estimate],
                     scatter: 1.0,
                     change: None,
-                });
-                trends.len() - 1
-            });
-            let width = options.settings.prior_margin * parameter.prior_stddev;
-            let own = 1.0 - (parameter.posterior_stddev / width).powi(2);
-            if !parameter.at_bound && own > INFORMED {
-                let value = parameter.before + (parameter.estimate - parameter.before) / own;
-                trends[place].estimates.push(Estimate {
-                    run: index,
-                    value,
-                    stddev: parameter.posterior_stddev / own.sqrt(),
-                });
+                }),
             }
         }
     }
     if runs.len() - left_out.len() < 2 {
         return Err(last_error.map_or(ExplainError::TooFewRuns, ExplainError::from));
     }
-    let times: Vec<f64> = runs.iter().map(|run| run.began_s / DAY_S).collect();
-    judge(&mut trends, &times, since);
-    let tests = tests_of(&trends, &times, since);
-    trends.retain(|trend| !trend.estimates.is_empty());
+    let tests = judge(&mut trends, since);
     let chance = |trend: &Trend| trend.change.as_ref().map_or(2.0, |change| change.chance);
     trends.sort_by(|a, b| chance(a).total_cmp(&chance(b)));
     let runs = runs.iter().map(|run| (run.recording.name.clone(), run.began_s)).collect();
@@ -208,80 +171,40 @@ fn widened(model: &PlatformModel, prior: &ModelPrior) -> ModelPrior {
     wide
 }
 
-/// Places between runs at which a parameter may change, and a drift where runs of three times show it.
+/// The runs from which on a parameter may be another: all but the first that show it, or the one that is asked about.
 fn places(trend: &Trend, since: Option<usize>) -> Vec<usize> {
-    let between = |k: &usize| {
-        since.is_none_or(|from| trend.estimates[k - 1].run < from && trend.estimates[*k].run >= from)
-    };
-    (1..trend.estimates.len()).filter(between).collect()
+    let neighbours = trend.estimates.iter().zip(trend.estimates.iter().skip(1));
+    let is_asked = |before: usize, after: usize| since.is_none_or(|from| before < from && after >= from);
+    neighbours.filter(|(a, b)| is_asked(a.run, b.run)).map(|(_, after)| after.run).collect()
 }
 
-fn drifts(trend: &Trend, times: &[f64], since: Option<usize>) -> bool {
-    let mut own: Vec<f64> = trend.estimates.iter().filter_map(|e| times.get(e.run)).copied().collect();
-    own.dedup();
-    let span = own.last().zip(own.first()).map_or(0.0, |(last, first)| last - first);
-    since.is_none() && own.len() > 2 && span >= LEAST_SPAN_DAYS
-}
-
-fn tests_of(trends: &[Trend], times: &[f64], since: Option<usize>) -> usize {
-    trends.iter().map(|t| places(t, since).len() + usize::from(drifts(t, times, since))).sum()
-}
-
-/// Finds the least likely change of each parameter.
-fn judge(trends: &mut [Trend], times: &[f64], since: Option<usize>) {
-    let tests = tests_of(trends, times, since) as f64;
+/// Finds the least likely change of each parameter; how many tests were made.
+fn judge(trends: &mut [Trend], since: Option<usize>) -> usize {
+    let tests: usize = trends.iter().map(|trend| places(trend, since).len()).sum();
     for trend in trends {
-        let mut found: Vec<(Change, f64)> =
-            places(trend, since).into_iter().map(|k| step(trend, k)).collect();
-        if drifts(trend, times, since) {
-            found.extend(drift(trend, times));
-        }
-        let best = found.into_iter().max_by(|a, b| a.0.sigma.total_cmp(&b.0.sigma));
+        let found = places(trend, since).into_iter().filter_map(|from| step(trend, from));
+        let best = found.max_by(|a, b| a.0.sigma.total_cmp(&b.0.sigma));
         let Some((mut change, scatter)) = best else { continue };
         trend.scatter = scatter;
         trend.estimates.iter_mut().for_each(|e| e.stddev *= scatter);
         let alone = 2.0 * normal_probability(-change.sigma);
         // 1 - (1 - p)^N without the loss of digits.
-        change.chance = -(tests * (-alone).ln_1p()).exp_m1();
+        change.chance = -(tests as f64 * (-alone).ln_1p()).exp_m1();
         change.sigma_after =
             if change.chance > 0.0 { (-normal_quantile(0.5 * change.chance)).max(0.0) } else { change.sigma };
         trend.change = Some(change);
     }
+    tests
 }
 
-/// Weighted mean, its standard deviation, and the sum of squares about it.
-fn mean(estimates: &[Estimate]) -> (f64, f64, f64) {
-    let weight: f64 = estimates.iter().map(|e| e.stddev.powi(-2)).sum();
-    let mean = estimates.iter().map(|e| e.value * e.stddev.powi(-2)).sum::<f64>() / weight;
-    let squares = estimates.iter().map(|e| ((e.value - mean) / e.stddev).powi(2)).sum();
-    (mean, weight.powf(-0.5), squares)
-}
-
-/// Birge's ratio of what is left.
-fn scatter(squares: f64, estimates: usize, fitted: usize) -> f64 {
-    let freedom = estimates.saturating_sub(fitted);
-    if freedom == 0 { 1.0 } else { (squares / freedom as f64).sqrt().max(1.0) }
-}
-
-fn change(kind: ChangeKind, size: f64, stddev: f64) -> Change {
-    Change { kind, size, stddev, sigma: size.abs() / stddev, chance: 1.0, sigma_after: 0.0 }
-}
-
-fn step(trend: &Trend, k: usize) -> (Change, f64) {
-    let (before, after) = trend.estimates.split_at(k);
-    let ((a, sa, qa), (b, sb, qb)) = (mean(before), mean(after));
-    let scatter = scatter(qa + qb, trend.estimates.len(), 2);
-    let from = after.first().map_or(0, |e| e.run);
-    (change(ChangeKind::Step { from }, b - a, sa.hypot(sb) * scatter), scatter)
-}
-
-fn drift(trend: &Trend, times: &[f64]) -> Option<(Change, f64)> {
-    let estimates = || trend.estimates.iter();
-    let points = estimates().map(|e| (times.get(e.run).copied().unwrap_or(0.0), e.value, e.stddev.powi(-2)));
+/// The step at a run, not yet held against others, and the scatter about it.
+fn step(trend: &Trend, from: usize) -> Option<(Change, f64)> {
+    let points =
+        trend.estimates.iter().map(|e| (if e.run >= from { 1.0 } else { 0.0 }, e.value, e.stddev.powi(-2)));
     let line = Line::weighted(points.clone())?;
-    let left = points.map(|(t, x, w)| w * (x - line.at(t)).powi(2)).sum();
-    let scatter = scatter(left, trend.estimates.len(), 2);
-    Some((change(ChangeKind::Drift, line.slope, line.spread.powf(-0.5) * scatter), scatter))
+    let scatter = line.scatter(points).max(1.0);
+    let (size, stddev) = (line.slope, line.spread.powf(-0.5) * scatter);
+    Some((Change { from, size, stddev, sigma: size.abs() / stddev, chance: 1.0, sigma_after: 0.0 }, scatter))
 }
 
 #[cfg(test)]
@@ -324,44 +247,40 @@ mod tests {
         assert!(wide.effects["bearing_viscous_friction"]["c_n_m_s"] > 1e-4);
     }
 
-    const DAYS: [f64; 6] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0];
-
     /// Three runs at 0 and three at -0.12, each known to 0.03: 0.12 over 0.03 sqrt(2/3) are 4.9 standard deviations, and
-    /// with six tests the chance is six times as large.
+    /// with five tests the chance is five times as large.
     #[test]
     fn a_step_is_found_where_it_is_with_its_chance_after_all_tests() {
         let mut own = [trend(&[0.0, 0.0, 0.0, -0.12, -0.12, -0.12], 0.03)];
-        judge(&mut own, &DAYS, None);
+        judge(&mut own, None);
         let found = own[0].change.as_ref().unwrap();
-        assert_eq!(found.kind, ChangeKind::Step { from: 3 });
+        assert_eq!(found.from, 3);
         let sigma = 0.12 / (0.03 * (2.0_f64 / 3.0).sqrt());
         assert!((found.size + 0.12).abs() < 1e-12 && (found.sigma - sigma).abs() < 1e-12);
-        let expected = 6.0 * 2.0 * normal_probability(-sigma);
+        let expected = 5.0 * 2.0 * normal_probability(-sigma);
         assert!((found.chance / expected - 1.0).abs() < 1e-5, "{} {expected}", found.chance);
     }
 
     #[test]
-    fn a_steady_motion_is_a_drift() {
+    fn a_steady_motion_is_a_step_in_the_middle() {
         let mut own = [trend(&[0.0, 0.1, 0.2, 0.3, 0.4, 0.5], 0.01)];
-        judge(&mut own, &DAYS, None);
+        judge(&mut own, None);
         let found = own[0].change.as_ref().unwrap();
-        assert_eq!(found.kind, ChangeKind::Drift);
-        // Slope 0.1 a day; variance s^2 / sum (t - 2.5)^2 = s^2 / 17.5.
-        assert!((found.size - 0.1).abs() < 1e-12 && (found.stddev - 0.01 / 17.5_f64.sqrt()).abs() < 1e-12);
+        assert!(found.from == 3 && (found.size - 0.3).abs() < 1e-12 && found.chance < 0.05, "{found:?}");
     }
 
     /// The same step among runs that scatter four times as much as they say is no discovery.
     #[test]
     fn scatter_beyond_the_standard_deviations_widens_them() {
         let mut own = [trend(&[0.12, -0.12, 0.0, 0.0, -0.24, -0.12], 0.03)];
-        judge(&mut own, &DAYS, None);
+        judge(&mut own, None);
         let found = own[0].change.as_ref().unwrap();
         assert!(own[0].scatter > 2.5 && found.chance > 0.05, "{found:?}");
         // Two sets of runs, one test.
         let mut own = [trend(&[0.0, 0.0, 0.0, -0.12, -0.12, -0.12], 0.03)];
-        judge(&mut own, &DAYS, Some(2));
+        judge(&mut own, Some(2));
         let found = own[0].change.as_ref().unwrap();
-        assert_eq!(found.kind, ChangeKind::Step { from: 2 });
+        assert_eq!(found.from, 2);
         assert!((found.chance - 2.0 * normal_probability(-found.sigma)).abs() < 1e-9);
     }
 }

@@ -35,12 +35,12 @@ mod threads;
 mod verdict;
 
 pub use diagnose::{diagnose, with_low_passes_that_delay};
-pub use discovery::{Discovery, DiscoveryError, Drawn, DrawnPoint, EvaluatedLaw, FittedValue, discover};
+pub use discovery::{Discovery, DiscoveryError, EvaluatedLaw, FittedValue, discover};
 pub use error::DiagnosisError;
+pub use fitting::fitter::fit;
 pub use fitting::refit::{Fit, FittedParameter};
 pub use fitting::ties::Tie;
-pub use fitting::{Fitter, fit};
-pub use identification::{Determined, Identification, UpdateError, identify, predict};
+pub use identification::{Determined, Identification, identify, predict};
 pub use options::{Options, Progress};
 pub use selection::information::{ExpectedInformation, InformationByRun, expected_information};
 pub use settings::{Allowed, Setting, Settings};

@@ -48,6 +48,20 @@ impl<T: Value> Line<T> {
     }
 }
 
+impl Line<f64> {
+    /// What is left of the samples (abscissa, value, inverse variance) over their deviations, root mean square with two numbers fitted:
+    /// Birge's ratio. 1 where no more than these two were sampled.
+    pub fn scatter(&self, samples: impl IntoIterator<Item = (f64, f64, f64)>) -> f64 {
+        let square = |(x, y, w): (f64, f64, f64)| w * (y - self.at(x)).powi(2);
+        let squares: Vec<f64> = samples.into_iter().map(square).collect();
+        if squares.len() <= 2 {
+            1.0
+        } else {
+            (squares.iter().sum::<f64>() / (squares.len() - 2) as f64).sqrt()
+        }
+    }
+}
+
 /// Indices of the samples within `half_width_s` of a time.
 #[must_use]
 pub fn window(times_s: &[f64], time_s: f64, half_width_s: f64) -> std::ops::Range<usize> {

@@ -3,12 +3,9 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Vector3};
-use whorl_dynamics::effects::{self, Clues, Effect, Grouping, Need, ParameterSpec, Part, Role, catalogue};
-use whorl_dynamics::gyrostat::MAX_WHEELS;
+use whorl_dynamics::effects::{Clues, Effect, Grouping, Need, ParameterSpec, Part, Role, catalogue};
 use whorl_dynamics::{Gyrostat, GyrostatError, MassProperties, ModelPrior, PlatformModel};
-use whorl_prediction::{Difference, InState, Perturbed};
-
-use crate::Settings;
+use whorl_prediction::Perturbed;
 
 /// Ways of entering with more directions would fit anything.
 pub(crate) const MOST_DIRECTIONS: usize = 4;
@@ -22,11 +19,8 @@ const MASS_PROPERTIES: &str = "mass_properties";
 const ANY: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 /// Usual size of an unmodelled torque, over the background.
 const UNMODELLED: f64 = 10.0;
-
 /// The name of a torque that no effect of the catalogue explains.
-pub const UNKNOWN_TORQUE: &str = "unknown_torque";
-/// How platforms of this kind move at most [rad/s], \[rad\].
-const LARGEST: f64 = 0.1;
+const UNKNOWN_TORQUE: &str = "unknown_torque";
 
 /// A direction. Of a constant of the platform a unit is the deviation of the model's prior, of all else that of the catalogue's.
 #[derive(Debug, Clone)]
@@ -41,25 +35,8 @@ pub(crate) struct Direction {
     /// Standard deviation that the catalogue gives it, and what a rig can have of it, in units.
     pub stddev: f64,
     pub range: (f64, f64),
-    does: Does,
-}
-
-/// What a platform further along a direction does otherwise.
-#[derive(Debug, Clone)]
-enum Does {
-    As(Box<Perturbed>),
-    /// A torque on the body, body axes [N m].
-    Push(Vector3<f64>),
-}
-
-impl Direction {
-    /// In a state, per unit.
-    pub fn in_state(&self, state: &InState<'_>) -> Difference {
-        match &self.does {
-            Does::As(perturbed) => perturbed.in_state(state),
-            Does::Push(torque_b_n_m) => Difference::Torque(*torque_b_n_m, [0.0; MAX_WHEELS]),
-        }
-    }
+    /// The platform further along it.
+    pub moved: Perturbed,
 }
 
 /// All directions that gyro and wheel speeds of a free platform can show.
@@ -74,49 +51,35 @@ pub(crate) struct Directions {
 }
 
 impl Directions {
-    /// Of a platform. Effects with hidden states are left out: what they do depends on a past that nobody has measured.
-    pub fn of(model: &PlatformModel, prior: &ModelPrior, settings: &Settings) -> Result<Self, GyrostatError> {
+    /// Of a platform, with this background torque [N m]. Effects with hidden states are left out: what they do depends on a past that nobody has
+    /// measured; and so are those whose search needs a shape to start from (a frequency, a power, an angle).
+    pub fn of(model: &PlatformModel, prior: &ModelPrior, background_n_m: f64) -> Result<Self, GyrostatError> {
         let gyrostat = Gyrostat::new(model)?;
         let mut found = Self { gyrostat, all: Vec::new(), constants: 0, ways: Vec::new() };
         found.add_moments(model, prior);
-        let can_show = |effect: &&dyn Effect| shows(*effect, model);
-        let in_model = |effect: &&dyn Effect| model.effects.contains_key(effect.info().id);
-        let constant = |effect: &&dyn Effect| effect.is_base() || in_model(effect);
-        for effect in catalogue().iter().copied().filter(can_show).filter(constant) {
-            let of = Of::new(model, effect);
+        let in_model = |effect: &dyn Effect| model.effects.contains_key(effect.info().id);
+        let effects: Vec<Of<'_>> = catalogue().iter().filter_map(|effect| Of::new(model, *effect)).collect();
+        for of in effects.iter().filter(|of| of.effect.is_base() || in_model(of.effect)) {
             for (i, spec) in of.specs.iter().enumerate().filter(|(_, spec)| !spec.known) {
-                let stddev = prior.of_parameter(model, effect, spec);
+                let stddev = prior.of_parameter(model, of.effect, spec);
                 if stddev > 0.0 {
-                    found.add_parameter(&of, i, stddev);
+                    found.add_parameter(of, i, stddev);
                 }
             }
         }
         found.constants = found.all.len();
-        let clues = Clues {
-            bin_s: settings.bin_s,
-            largest_rate_rad_s: LARGEST,
-            largest_tilt_rad: LARGEST,
-            ..Clues::default()
-        };
-        for effect in catalogue().iter().copied().filter(can_show) {
-            if effect.is_base() || !in_model(&effect) {
-                found.add_ways(&Of::new(model, effect), &clues);
-            }
+        for of in effects.iter().filter(|of| of.effect.is_base() || !in_model(of.effect)) {
+            found.add_ways(of);
         }
         let first = found.all.len();
-        let scale = UNMODELLED * settings.background_torque_n_m;
-        found.all.extend(["torque_x", "torque_y", "torque_z"].into_iter().enumerate().map(|(axis, name)| {
-            Direction {
-                effect: UNKNOWN_TORQUE,
-                parameter: name.to_owned(),
-                unit: "N m",
-                origin: 0.0,
-                scale,
-                stddev: 1.0,
-                range: ANY,
-                does: Does::Push(Vector3::ith(axis, scale)),
-            }
-        }));
+        let scale = UNMODELLED * background_n_m;
+        for (axis, name) in ["torque_x", "torque_y", "torque_z"].into_iter().enumerate() {
+            let moved = Perturbed::pushed(&found.gyrostat, Vector3::ith(axis, scale));
+            let (effect, parameter, origin) = (UNKNOWN_TORQUE, name.to_owned(), 0.0);
+            let torque =
+                Direction { effect, parameter, unit: "N m", origin, scale, stddev: 1.0, range: ANY, moved };
+            found.all.push(torque);
+        }
         found.ways.push((UNKNOWN_TORQUE, (first..first + 3).collect()));
         Ok(found)
     }
@@ -143,48 +106,21 @@ impl Directions {
     /// One parameter of an effect by itself; where it is.
     fn add_parameter(&mut self, of: &Of<'_>, index: usize, scale: f64) -> Option<usize> {
         let (spec, origin) = (of.specs.get(index)?, *of.given.get(index)?);
-        let is_it = |d: &Direction| d.effect == of.effect.info().id && d.parameter == spec.name;
-        self.all.iter().position(is_it).or_else(|| {
-            let (name, moves) = (spec.name.clone(), vec![(index, scale)]);
-            let alone = effects::Direction { name, origin: of.given.clone(), moves, squared: false };
-            self.add_along(of, &alone, origin, (spec.prior_stddev / scale).max(1.0))
+        let id = of.effect.info().id;
+        let known = self.all.iter().position(|d| d.effect == id && d.parameter == spec.name);
+        known.or_else(|| {
+            let range = ((spec.min - origin) / scale, (spec.max - origin) / scale);
+            let moved = |units: f64| {
+                let mut values = of.given.clone();
+                *values.get_mut(index)? = spec.limited(origin + units * scale);
+                let named = of.specs.iter().zip(values).map(|(spec, value)| (spec.name.clone(), value));
+                let mut moved = of.model.clone();
+                moved.effects.insert(id.to_owned(), named.collect());
+                Some(moved)
+            };
+            let stddev = (spec.prior_stddev / scale).max(1.0);
+            self.add((id, spec.name.clone(), spec.unit), (origin, scale), stddev, range, &moved)
         })
-    }
-
-    /// What moves together from a place; the value there that is named, and the deviation that the catalogue gives it, in units.
-    fn add_along(
-        &mut self,
-        of: &Of<'_>,
-        direction: &effects::Direction,
-        origin: f64,
-        stddev: f64,
-    ) -> Option<usize> {
-        let (first, scale) = *direction.moves.first().filter(|(_, by)| *by != 0.0)?;
-        let mut range = ANY;
-        for (index, by) in &direction.moves {
-            let (spec, from) = (of.specs.get(*index)?, direction.origin.get(*index)?);
-            if spec.period.is_none() {
-                let (a, b) = ((spec.min - from) / by, (spec.max - from) / by);
-                range = (range.0.max(a.min(b)), range.1.min(a.max(b)));
-            }
-        }
-        if direction.squared {
-            range = (0.0, range.1.max(0.0).powi(2));
-        }
-        let moved = |units: f64| {
-            let along = if direction.squared { units.max(0.0).sqrt() } else { units };
-            let mut values = direction.origin.clone();
-            for (index, by) in &direction.moves {
-                *values.get_mut(*index)? += along * by;
-            }
-            let named = of.specs.iter().zip(&values);
-            let named = named.map(|(spec, value)| (spec.name.clone(), spec.limited(*value)));
-            let mut moved = of.model.clone();
-            moved.effects.insert(of.effect.info().id.to_owned(), named.collect());
-            Some(moved)
-        };
-        let named = (of.effect.info().id, direction.name.clone(), of.specs.get(first)?.unit);
-        self.add(named, (origin, scale), stddev, range, &moved)
     }
 
     /// A direction, if a body can go along it and it shows.
@@ -199,56 +135,29 @@ impl Directions {
         let inside = [STEP, -STEP].into_iter().filter(|units| (range.0..=range.1).contains(units));
         let perturbed =
             |units: f64| Perturbed::new(Gyrostat::new(&moved(units)?).ok()?, units, &self.gyrostat);
-        let does = Does::As(Box::new(inside.filter_map(perturbed).next()?));
-        self.all.push(Direction { effect, parameter, unit, origin, scale, stddev, range, does });
+        let moved = inside.filter_map(perturbed).next()?;
+        self.all.push(Direction { effect, parameter, unit, origin, scale, stddev, range, moved });
         Some(self.all.len() - 1)
     }
 
-    /// The ways in which an effect that is absent may begin: as it says, or every wheel or jet as a whole, all of them, and what
-    /// they have in common: one thing breaks at a time.
-    fn add_ways(&mut self, of: &Of<'_>, clues: &Clues<'_>) {
-        let (id, specs) = (of.effect.info().id, &of.specs);
-        if let Some(starts) = of.effect.starts(of.model, clues) {
-            for start in starts.into_iter().filter(|start| start.len() <= MOST_DIRECTIONS) {
-                let own = start.iter().map(|direction| self.add_along(of, direction, 0.0, 1.0));
-                if let Some(way) = own.collect::<Option<Vec<_>>>().filter(|way| !way.is_empty()) {
-                    self.ways.push((id, way));
-                }
-            }
-            return;
+    /// The ways in which an effect may begin: what wheels or jets have in common, and every wheel or jet as a whole: one thing breaks at a time.
+    fn add_ways(&mut self, of: &Of<'_>) {
+        let mut ways: BTreeMap<Part, Vec<usize>> = BTreeMap::new();
+        let fitted =
+            of.specs.iter().enumerate().filter(|(_, spec)| !spec.known && spec.role == Role::Amplitude);
+        fitted.for_each(|(i, spec)| ways.entry(spec.part).or_default().push(i));
+        if of.effect.grouping() == Grouping::All {
+            ways.retain(|part, _| *part == Part::Platform);
         }
-        let mut parts: BTreeMap<Part, Vec<usize>> = BTreeMap::new();
-        let fitted = specs.iter().enumerate().filter(|(_, spec)| !spec.known && spec.role == Role::Amplitude);
-        fitted.for_each(|(i, spec)| parts.entry(spec.part).or_default().push(i));
-        let common = parts.remove(&Part::Platform);
-        let of_parts: Vec<Vec<usize>> = parts.into_values().collect();
-        let mut ways: Vec<Vec<usize>> = common.into_iter().collect();
-        if of_parts.len() > 1 {
-            ways.push(of_parts.concat());
-        }
-        if of.effect.grouping() != Grouping::All {
-            ways.extend(of_parts);
-        }
-        for way in ways.into_iter().filter(|way| way.len() <= MOST_DIRECTIONS) {
-            let add = |i: &usize| self.add_parameter(of, *i, specs.get(*i)?.prior_stddev);
+        for way in ways.into_values().filter(|way| way.len() <= MOST_DIRECTIONS) {
+            let add = |i: &usize| self.add_parameter(of, *i, of.specs.get(*i)?.prior_stddev);
             // A parameter along which no body can go takes no part.
             let own: Vec<usize> = way.iter().filter_map(add).collect();
-            if !own.is_empty() && !self.ways.contains(&(id, own.clone())) {
-                self.ways.push((id, own));
+            if !own.is_empty() {
+                self.ways.push((of.effect.info().id, own));
             }
         }
     }
-}
-
-/// Whether gyro and wheels with known torques can show an effect of a free platform.
-fn shows(effect: &dyn Effect, model: &PlatformModel) -> bool {
-    let has = |need: &Need| match need {
-        Need::FreeBody | Need::UnclippedGyro => true,
-        Need::Jets => !model.jets().is_empty(),
-        Need::Wheels | Need::WheelCommands => !model.wheels().is_empty(),
-        _ => false,
-    };
-    effect.hidden_states(model) == 0 && effect.evidence().iter().any(|needs| needs.iter().all(has))
 }
 
 /// An effect of a platform.
@@ -261,11 +170,21 @@ struct Of<'a> {
 }
 
 impl<'a> Of<'a> {
-    fn new(model: &'a PlatformModel, effect: &'static dyn Effect) -> Self {
+    /// `None` where gyro and wheels with known torques cannot show it on a free platform.
+    fn new(model: &'a PlatformModel, effect: &'static dyn Effect) -> Option<Self> {
+        let has = |need: &Need| match need {
+            Need::FreeBody | Need::UnclippedGyro => true,
+            Need::Jets => !model.jets().is_empty(),
+            Need::Wheels | Need::WheelCommands => !model.wheels().is_empty(),
+            _ => false,
+        };
+        let shows = effect.evidence().iter().any(|needs| needs.iter().all(has));
         let (own, specs) = (model.effects.get(effect.info().id), effect.parameters(model));
         let value =
             |spec: &ParameterSpec| own.and_then(|own| own.get(&spec.name)).copied().unwrap_or(spec.neutral);
-        Self { model, effect, given: specs.iter().map(value).collect(), specs }
+        let given = specs.iter().map(value).collect();
+        let is_simple = effect.hidden_states(model) == 0 && effect.starts(model, &Clues::default()).is_none();
+        (shows && is_simple).then_some(Self { model, effect, specs, given })
     }
 }
 
@@ -275,13 +194,12 @@ mod tests {
 
     fn found() -> (PlatformModel, Directions) {
         let model = PlatformModel::whorl_1_reference();
-        let found = Directions::of(&model, &ModelPrior::typical(&model), &Settings::of(&model)).unwrap();
+        let found = Directions::of(&model, &ModelPrior::typical(&model), 1e-3).unwrap();
         (model, found)
     }
 
     fn moved(direction: &Direction) -> &Gyrostat {
-        let Does::As(perturbed) = &direction.does else { panic!("{direction:?}") };
-        perturbed.gyrostat()
+        direction.moved.gyrostat()
     }
 
     /// Thrusts and moments of inertia of a moved platform are those written in its direction.
@@ -315,14 +233,13 @@ mod tests {
             let own = [format!("{}_viscous_n_m_s", wheel.name), format!("{}_coulomb_n_m", wheel.name)];
             assert_eq!(*way, own);
         }
-        // One parameter a wheel: all together as well.
-        assert_eq!(names("wheel_windage").len(), 1 + model.wheels().len());
+        assert_eq!(names("wheel_windage").len(), model.wheels().len());
         let strength = names("thruster_strength");
         assert_eq!(strength[0], ["all"]);
         assert_eq!(strength.len(), 1 + model.jets().len());
         assert!(names("thruster_misalignment").iter().all(|way| way.len() == 2));
-        // What needs an accelerometer, hidden states or the timing of valves is left out.
-        for id in ["accel_bias", "slosh", "thruster_delay"] {
+        // What needs an accelerometer, hidden states or the timing of valves, or a shape to start from is left out.
+        for id in ["accel_bias", "slosh", "thruster_delay", "winding_cable"] {
             assert!(names(id).is_empty(), "{id}");
         }
     }

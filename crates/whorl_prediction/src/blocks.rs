@@ -1,12 +1,11 @@
 //! Columns of sensitivities side by side, and what is gathered of them.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
 
-use crate::design::Design;
-use crate::information::Information;
-use crate::lanes::{BLOCK, Gain, Lanes, Sparse};
-use crate::layout::Layout;
+use crate::noise::Layout;
 use crate::rows::Readings;
+use whorl_math::lanes::Gram;
+use whorl_math::lanes::{BLOCK, Gain, Lanes, Sparse};
 
 /// Columns of a filter's estimate: those of its state at the beginning, then others, which begin with nothing.
 pub(crate) struct Blocks {
@@ -15,16 +14,14 @@ pub(crate) struct Blocks {
     plant: usize,
     blocks: Vec<Block>,
     /// Sum of d d^T / S over all innovations e with d = de/dtheta: the information on the parameters.
-    information: Information,
-    /// Sum of d e / S.
+    information: Gram,
     slope: DVector<f64>,
-    /// Sum of |d| / sqrt(S); empty: nobody asks.
-    absolute: DVector<f64>,
-    /// d of all innovations, if they are kept.
-    pub design: Option<Design>,
+    /// d / sqrt(S) of all innovations one after the other, if they are kept.
+    pub design: Option<Vec<f32>>,
 }
 
 /// Columns that lie side by side.
+#[derive(Clone)]
 struct Block {
     /// Of the filter's estimate, a row for each coordinate of the layout, per unit.
     of_state: Lanes,
@@ -36,24 +33,24 @@ struct Block {
 }
 
 /// What columns say at the end: of the state at the beginning first, then of parameters and laws.
+#[derive(Default)]
 pub(crate) struct Said {
     /// Sum of d d^T / S.
     pub information: DMatrix<f64>,
     /// Minus the sum of d e / S: d log p by each.
     pub slope: DVector<f64>,
-    pub design: Option<Design>,
+    pub design: Option<Vec<f32>>,
 }
 
 impl Blocks {
-    /// Of a layout, with or without columns of the state; so many others, and behind them so many of which those `apart` take no part
-    /// together.
+    /// With or without columns of the state; so many others, and behind them so many of which those `apart` take no part together.
     pub fn new(layout: Layout, of_state: bool, parameters: usize, laws: usize, apart: usize) -> Self {
         let (size, plant) = (layout.size(), layout.plant.size());
         let states = if of_state { size } else { 0 };
         let count = states + parameters + laws;
         // One row of few columns, or blocks of many.
         let (blocks, least) = if count < BLOCK { (1, count.max(1)) } else { (count.div_ceil(BLOCK), BLOCK) };
-        let block = || Block {
+        let block = Block {
             of_state: Lanes::zeros(size, least),
             half: Lanes::zeros(plant, least),
             is_pushed: false,
@@ -62,20 +59,16 @@ impl Blocks {
         let mut new = Self {
             states,
             plant,
-            blocks: (0..blocks).map(|_| block()).collect(),
-            information: Information::new(states + parameters, laws, apart),
+            blocks: vec![block; blocks],
+            information: Gram::new(states + parameters, laws, apart),
             slope: DVector::zeros(count),
-            absolute: DVector::zeros(0),
             design: None,
         };
-        new.begin();
+        let width = new.width();
+        for i in 0..states {
+            new.blocks[i / width].of_state.row_mut(i)[i % width] = 1.0;
+        }
         new
-    }
-
-    /// The same with sums of |d| / sqrt(S).
-    pub fn with_absolute(mut self) -> Self {
-        self.absolute = DVector::zeros(self.slope.len());
-        self
     }
 
     /// How many there are, and how many of these are of the state at the beginning.
@@ -83,30 +76,9 @@ impl Blocks {
         (self.slope.len(), self.states)
     }
 
-    /// Begins anew: the state is at its beginning, and nothing has been gathered.
-    pub fn begin(&mut self) {
-        let width = self.width();
-        for block in &mut self.blocks {
-            let rows = block.of_state.rows();
-            block.of_state.clear(rows);
-        }
-        for i in 0..self.states {
-            self.blocks[i / width].of_state.row_mut(i)[i % width] = 1.0;
-        }
-        self.slope.fill(0.0);
-        self.absolute.fill(0.0);
-        self.information.clear();
-    }
-
     /// What was found of all innovations so far.
     pub fn said(self) -> Said {
         Said { information: self.information.sum(), slope: -self.slope, design: self.design }
-    }
-
-    /// The information so far, the slope d log p by each, and the sums of |d| / sqrt(S).
-    pub fn so_far(&mut self) -> (&Information, DVector<f64>, &DVector<f64>) {
-        self.information.gather();
-        (&self.information, -&self.slope, &self.absolute)
     }
 
     /// How a coordinate of the present state changes with a column.
@@ -116,7 +88,6 @@ impl Blocks {
         self.blocks[column / width].of_state.row(coordinate)[column % width]
     }
 
-    /// Sets it.
     #[inline(always)]
     pub fn set(&mut self, coordinate: usize, column: usize, x: f64) {
         let width = self.width();
@@ -140,7 +111,6 @@ impl Blocks {
         block.half.row_mut(coordinate)[column % width] += half;
     }
 
-    /// Follows a step, without turns about an axis.
     pub fn carry(&mut self, transition: &Sparse) {
         for block in &mut self.blocks {
             if block.is_pushed {
@@ -153,8 +123,7 @@ impl Blocks {
         }
     }
 
-    /// Leaves out what is about an axis.
-    pub fn level(&mut self, axis: &nalgebra::Vector3<f64>) {
+    pub fn level(&mut self, axis: &Vector3<f64>) {
         self.blocks.iter_mut().for_each(|block| block.of_state.level(axis));
     }
 
@@ -181,7 +150,6 @@ impl Blocks {
         self.blocks[column / width].d.row(reading)[column % width]
     }
 
-    /// Takes in the readings of an instant, of which these are the innovations.
     pub fn take_in(&mut self, readings: &Readings, gain: &Gain, values: &[f64]) {
         let width = self.width();
         // Nobody has read how they change by themselves.
@@ -193,15 +161,14 @@ impl Blocks {
         }
         for (r, (value, variance)) in values.iter().zip(&gain.variances).enumerate() {
             let scale = 1.0 / variance.sqrt();
-            let normalised = self.information.next();
+            let normalised = self.information.room();
             for (block, to) in self.blocks.iter().zip(normalised.chunks_mut(width)) {
                 to.iter_mut().zip(block.d.row(r)).for_each(|(to, d)| *to = d * scale);
             }
             let e = value * scale;
             self.slope.iter_mut().zip(normalised.iter()).for_each(|(slope, d)| *slope += e * d);
-            self.absolute.iter_mut().zip(normalised.iter()).for_each(|(sum, d)| *sum += d.abs());
             if let Some(design) = &mut self.design {
-                design.push(normalised);
+                design.extend(normalised.iter().map(|d| *d as f32));
             }
             self.information.added();
         }

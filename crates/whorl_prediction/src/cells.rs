@@ -1,8 +1,4 @@
-//! Readings that are taken in together, as their means.
-//!
-//! The motion goes from reading to reading, and each is predicted where it was read. The mean of n of them less that of their predictions is as
-//! good a number as any of them, with an n-th of the variance: it is taken in at the last of them, with the derivative h exp(-A t) by the state there of
-//! a reading h that came t before. A covariance, its gains and columns then take one step for n.
+//! Readings that are taken in together, as their means (METHOD.md, "Means of readings").
 
 use whorl_recording::Recording;
 

@@ -1,26 +1,22 @@
 //! How the estimates and innovations of a filter change with its state at an earlier instant and with the parameters of its model, through
-//! the same gains.
-//!
-//! For each parameter another plant begins every step in the filter's own state, with the model a little further along the
-//! parameter: what it does otherwise is what drives the column, whatever the effect is. See METHOD.md, "Sensitivities".
+//! the same gains (METHOD.md, "Sensitivities").
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::DVector;
 use whorl_dynamics::State;
 use whorl_dynamics::plant::{Acts, LinearisedPlant, Plant, ROTATION};
 use whorl_recording::Channel;
 
-use crate::blocks::{Blocks, Said};
-use crate::design::Design;
-use crate::error::PredictionError;
+use crate::blocks::Blocks;
 use crate::gains::Gains;
 use crate::innovations::Mean;
-use crate::lanes::{Gain, MOST_STATES, dot};
 use crate::laws::{Laws, Push, add_rates_by_torque};
-use crate::layout::Layout;
-use crate::other::{Differs, Does, Other, Varied};
-use crate::prepared::{OtherModel, Prepared};
+use crate::noise::Layout;
+use crate::other::{Does, Other, Varied};
+use crate::perturbed::Differs;
+use crate::prepared::Prepared;
+use crate::refusal::PredictionError;
 use crate::rows::{Readings, Row};
-use crate::since::Since;
+use whorl_math::lanes::{MOST_STATES, dot};
 
 /// Steps up to this share of the time of the fastest motion may be taken with what a parameter does at their start: the motion turns
 /// what it does by as many radians meanwhile.
@@ -38,29 +34,21 @@ pub(crate) struct Columns<'a> {
     /// and what it does over the present step; room for what it does at its end.
     pushes: Vec<Push>,
     now: Vec<Push>,
-    /// The filter's own model, which takes the steps that the others take.
-    reference: Option<Reference<'a>>,
+    /// The filter's own model, which takes the steps that the others take, and how it acts over the present step, if nothing comes within it; room for how
+    /// it acts at its end.
+    reference: Option<Other<'a>>,
+    is_steady: bool,
+    acts_now: Option<Acts>,
+    step_s: f64,
     /// Where the filter's plant was before the step, and when \[ns\], where readings are taken to be late.
     before: Option<(State, i64)>,
-    blocks: Blocks,
+    pub blocks: Blocks,
     /// Columns that took a step of their own, one after the other, and room for one of them.
     stepped: Vec<f64>,
     moved: [f64; MOST_STATES],
-    /// Readings of another model.
     varied: Readings,
     /// How fast the filter's state moved over the last step, coordinates of the plant per second.
     rates: DVector<f64>,
-}
-
-/// The filter's own model beside the filter.
-struct Reference<'a> {
-    with: OtherModel<'a>,
-    /// How it acts over the present step, if that is short, and at its end.
-    acts: Acts,
-    is_steady: bool,
-    /// Length of the present step \[s\].
-    step_s: f64,
-    acts_now: Acts,
 }
 
 impl<'a> Columns<'a> {
@@ -72,28 +60,26 @@ impl<'a> Columns<'a> {
         varied: &[Varied],
         laws: Option<&'a Laws<'a>>,
     ) -> Result<Self, PredictionError> {
-        let others: Vec<Other<'a>> =
-            varied.iter().map(|varied| Other::new(case, varied)).collect::<Result<_, _>>()?;
-        let mut reference = None;
-        if !others.is_empty() || laws.is_some() {
-            let mut own = case.varied(case.given_model())?;
-            own.plant = own.plant.for_differences(others.iter().any(|other| other.behind.is_some()));
-            let [acts, acts_now] = [(); 2].map(|()| Acts::none(&own.plant));
-            reference = Some(Reference { with: own, acts, is_steady: false, step_s: 0.0, acts_now });
-        }
         let mut columns = Self::of_state(layout, of_start, varied.len(), laws);
-        (columns.others, columns.laws, columns.reference) = (others, laws, reference);
+        let others = varied.iter().map(|Varied { model, step }| Other::new(case, model, *step));
+        columns.others = others.collect::<Result<_, _>>()?;
+        if !columns.others.is_empty() || laws.is_some() {
+            let mut own = Other::new(case, &case.given, 1.0)?;
+            own.plant = own.plant.for_differences(columns.others.iter().any(|other| other.behind.is_some()));
+            columns.acts_now = Some(Acts::none(&own.plant));
+            columns.reference = Some(own);
+        }
+        columns.laws = laws;
         Ok(columns)
     }
 
-    /// Of the state now alone, which has so many coordinates.
     pub fn since_now(layout: Layout) -> Self {
         Self::of_state(layout, true, 0, None)
     }
 
     fn of_state(layout: Layout, of_start: bool, varied: usize, laws: Option<&Laws<'_>>) -> Self {
-        let blocks =
-            Blocks::new(layout, of_start, varied, laws.map_or(0, Laws::count), laws.map_or(0, Laws::apart));
+        let (count, apart) = laws.map_or((0, 0), |laws| (laws.count(), laws.apart()));
+        let blocks = Blocks::new(layout, of_start, varied, count, apart);
         Self {
             first: blocks.count().1,
             others: Vec::new(),
@@ -101,6 +87,9 @@ impl<'a> Columns<'a> {
             pushes: Vec::new(),
             now: Vec::new(),
             reference: None,
+            is_steady: false,
+            acts_now: None,
+            step_s: 0.0,
             before: None,
             blocks,
             stepped: Vec::new(),
@@ -110,59 +99,35 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// The same, which keeps how all innovations change.
-    pub fn keeping(mut self, design: Option<Design>) -> Self {
-        self.blocks.design = design;
-        self
-    }
-
-    /// What was found of all innovations so far.
-    pub fn said(self) -> Said {
-        self.blocks.said()
-    }
-
-    /// What was read since the state of which these columns are.
-    pub fn since(self) -> Since {
-        let transition = self.by_state();
-        let said = self.said();
-        Since { transition, slope: said.slope, information: said.information }
-    }
-
-    /// How the present state changes with that at the beginning.
-    fn by_state(&self) -> DMatrix<f64> {
-        DMatrix::from_fn(self.first, self.first, |i, k| self.blocks.at(i, k))
-    }
-
     /// Before a step that ends at an instant, on the way to that of the next readings: how every varied model acts in the filter's state, or where more happens within the step
     /// than that shows, the model in the state that the filter would have with it.
     pub fn set_out(&mut self, mean: &Mean<'_>, end_ns: i64, instant_ns: i64) {
         let (case, plant) = (mean.case, &mean.plant);
         let (n, first) = (self.rates.len(), self.first);
-        let Self { others, laws, pushes, reference, blocks, before, stepped, .. } = self;
-        let Some(Reference { with: reference, acts, is_steady, step_s, acts_now }) = reference else {
-            return;
-        };
+        let Self { others, laws, pushes, reference, acts_now, blocks, before, stepped, .. } = self;
+        let (Some(reference), Some(acts_now)) = (reference, acts_now) else { return };
         reference.plant.take_motion_of(plant, &[]);
-        *step_s = (end_ns - plant.now_ns()) as f64 * 1e-9;
-        let radians = *step_s * case.fastest_1_s();
+        let step_s = (end_ns - plant.now_ns()) as f64 * 1e-9;
+        let radians = step_s * case.fastest_1_s;
         let is_simple = radians <= LONG_STEP && reference.is_steady_until(case, end_ns);
-        *is_steady = is_simple;
+        (self.step_s, self.is_steady) = (step_s, is_simple);
         // Gimbals turn within steps, and everything with them: all models make the step.
         let is_long = is_simple && radians > SHORT_STEP && plant.gyrostat().model().gyros().is_empty();
         if is_long {
             reference.plant.act_into(acts_now);
-            let mut half = acts_now.rates.clone_owned() * (0.5 * *step_s);
+            let mut half = acts_now.rates.clone_owned() * (0.5 * step_s);
             half.fixed_rows_mut::<3>(ROTATION.start)
-                .copy_from(&(plant.state().omega_wb_b_rad_s * (0.5 * *step_s)));
+                .copy_from(&(plant.state().omega_wb_b_rad_s * (0.5 * step_s)));
             reference.plant.change_state(&half.as_slice()[..n]);
         }
         if is_simple {
-            reference.plant.act_into(acts);
+            reference.plant.act_into(&mut reference.acts);
         }
         if let Some(laws) = laws {
             laws.at(&reference.plant, pushes);
         }
-        *before = others.iter().any(Other::is_late).then(|| (*plant.state(), plant.now_ns()));
+        *before =
+            others.iter().any(|other| other.late_s != [0.0; 2]).then(|| (*plant.state(), plant.now_ns()));
         let jets_rest = is_simple && reference.plant.jets_rest();
         // The bearing's own stop is as stiff as the body is heavy: while it touches, inertia is no torque alone.
         let is_free = is_simple && !plant.touching()[0];
@@ -179,13 +144,13 @@ impl<'a> Columns<'a> {
                 continue;
             }
             if is_simple && !matches!(other.differs, Differs::WithinSteps | Differs::InTorque) {
-                if jets_rest && other.differs == Differs::InJets && other.with.is_steady_until(case, end_ns) {
+                if jets_rest && other.differs == Differs::InJets && other.is_steady_until(case, end_ns) {
                     continue;
                 }
-                other.with.take_motion_of(&reference.plant, &[], instant_ns);
-                let is_steady = other.with.is_steady_until(case, end_ns);
-                if is_steady && other.with.plant.holds_wheels_of(&reference.plant) {
-                    other.with.plant.act_into(&mut other.acts);
+                other.take_motion_of(&reference.plant, &[], instant_ns);
+                let is_steady = other.is_steady_until(case, end_ns);
+                if is_steady && other.plant.holds_wheels_of(&reference.plant) {
+                    other.plant.act_into(&mut other.acts);
                     other.does = Does::Act;
                     continue;
                 }
@@ -209,14 +174,12 @@ impl<'a> Columns<'a> {
         let (transition, axis) = (&gains.step.transition, gains.unseen_axis.as_ref());
         let (first, n) = (self.first, self.rates.len());
         self.stepped.clear();
-        if let Some(Reference { with: reference, acts: of_reference, is_steady, step_s, .. }) =
-            &mut self.reference
-        {
-            let step_s = *step_s;
+        let (step_s, is_steady) = (self.step_s, self.is_steady);
+        if let Some(reference) = &mut self.reference {
             if !reference.run_to(case, plant.now_ns()) {
                 return false;
             }
-            let reference = &reference.plant;
+            let (reference, of_reference) = (&reference.plant, &reference.acts);
             self.blocks.rest();
             for (k, push) in self.pushes.iter().enumerate() {
                 let column = first + self.others.len() + k;
@@ -225,21 +188,16 @@ impl<'a> Columns<'a> {
                     blocks.push(column, i, rate);
                 });
             }
-            for (k, other) in self.others.iter_mut().enumerate() {
-                if !*is_steady {
-                    break;
-                }
-                let column = first + k;
+            for (k, other) in self.others.iter_mut().enumerate().filter(|_| is_steady) {
+                let (column, share) = (first + k, 0.5 * step_s / other.step);
                 match other.does {
                     Does::Act => {
-                        let share = 0.5 * step_s / other.step;
                         for (i, (own, of)) in other.acts.rates.iter().zip(&of_reference.rates).enumerate() {
                             self.blocks.push(column, i, share * (own - of));
                         }
-                        other.with.plant.wait_until(plant.now_ns(), &other.acts);
+                        other.plant.wait_until(plant.now_ns(), &other.acts);
                     }
                     Does::Push => {
-                        let share = 0.5 * step_s / other.step;
                         let blocks = &mut self.blocks;
                         let (body, wheels) = (other.body_n_m * share, other.wheels_n_m.map(|x| x * share));
                         add_rates_by_torque(plant, &gains.linearised, body, &wheels, &mut |i, rate| {
@@ -247,26 +205,26 @@ impl<'a> Columns<'a> {
                         });
                     }
                     Does::TheSame if other.differs == Differs::InJets => {
-                        other.with.plant.wait_until(plant.now_ns(), of_reference);
+                        other.plant.wait_until(plant.now_ns(), of_reference);
                     }
                     Does::TheSame | Does::Step => {}
                 }
             }
             for (k, other) in self.others.iter_mut().enumerate().filter(|(_, other)| other.does == Does::Step)
             {
-                if !other.with.run_to(case, plant.now_ns()) {
+                if !other.run_to(case, plant.now_ns()) {
                     return false;
                 }
                 if let Some(behind) = &mut other.behind {
-                    *behind = other.with.plant.behind_filter_less(reference);
+                    *behind = other.plant.behind_filter_less(reference);
                 }
                 let before = |i: usize| self.blocks.at(i, first + k);
                 // Where one sticks and the other slips the difference says nothing of a small one.
-                let is_alike = other.with.plant.is_on_branch_of(reference);
+                let is_alike = other.plant.is_on_branch_of(reference);
                 // The plants know better than derivatives that are held how a state moves on; disturbances they have in
                 // common.
                 let moved = &mut self.moved[..n];
-                other.with.plant.motion_less(reference.state(), moved);
+                other.plant.motion_less(reference.state(), moved);
                 for (i, row) in transition.rows().enumerate() {
                     let of_rest = row.iter().filter(|(k, _)| *k >= n || !is_alike || i >= n);
                     let through: f64 = of_rest.map(|(k, by)| by * before(*k)).sum();
@@ -292,11 +250,6 @@ impl<'a> Columns<'a> {
         true
     }
 
-    /// A wheel that its friction holds stands whatever the parameters are.
-    pub fn hold(&mut self, coordinate: usize) {
-        self.blocks.hold(coordinate);
-    }
-
     /// How each reading in the filter's state changes with the parameters where the state does not.
     pub fn read(&mut self, mean: &Mean<'_>, linearised: &LinearisedPlant, readings: &Readings) {
         let plant = &mean.plant;
@@ -319,39 +272,26 @@ impl<'a> Columns<'a> {
                 }
             }
         }
-        let Some(Reference { with: reference, acts, is_steady, acts_now, .. }) = &mut self.reference else {
-            return;
-        };
+        let (Some(reference), Some(acts_now)) = (&mut self.reference, &mut self.acts_now) else { return };
         // What differs in readings alone shows in the state as it is now.
-        let now = self.others.iter().any(|other| other.differs == Differs::InReadings).then(|| {
+        if self.others.iter().any(|other| other.differs == Differs::InReadings) {
             reference.plant.take_motion_of(plant, &[]);
             reference.plant.act_into(acts_now);
-            &*acts_now
-        });
-        let of_step = is_steady.then_some(&*acts);
+        }
         for (k, other) in self.others.iter_mut().enumerate() {
             let moves = |r: usize, late_s: f64| {
                 let by_state = || dot_within(readings.by_state.row(r), self.rates.as_slice());
                 if late_s == 0.0 { 0.0 } else { by_state() * late_s }
             };
-            let reads_later = match (other.does, of_step, now) {
+            let reads_later = match other.does {
                 _ if other.turns_vectors => None,
-                (Does::Act, Some(of_reference), _) => Some(of_reference.imu - other.acts.imu),
-                (Does::Push, ..) => {
-                    let wheels = plant.gyrostat().model().wheels().iter().zip(&other.wheels_n_m);
-                    let reaction: Vector3<f64> =
-                        wheels.map(|(wheel, torque)| wheel.spin_axis_b.into_inner() * *torque).sum();
-                    let force = linearised.force_by_torque * (other.body_n_m - reaction);
-                    let mut less = -other.imu;
-                    let mut of_force = less.fixed_rows_mut::<3>(3);
-                    of_force -= force;
-                    Some(less)
+                Does::Act if self.is_steady => Some(reference.acts.imu - other.acts.imu),
+                Does::Push => Some(other.less_by_push(plant, linearised)),
+                Does::TheSame if other.differs == Differs::InReadings => {
+                    Some(acts_now.imu - other.plant.imu_of(&reference.plant, acts_now))
                 }
-                (Does::TheSame, _, Some(now)) if other.differs == Differs::InReadings => {
-                    Some(now.imu - other.with.plant.imu_of(&reference.plant, now))
-                }
-                (Does::TheSame, ..) => continue,
-                _ => None,
+                Does::TheSame => continue,
+                Does::Act | Does::Step => None,
             };
             let of_imu = other.late_s;
             let late_s = |row: &Row| match row.component.channel {
@@ -371,19 +311,14 @@ impl<'a> Columns<'a> {
                 continue;
             }
             other.take_motion_of(plant, &HERE[..n.min(HERE.len())], plant.now_ns());
-            if !other.with.plant.is_on_branch_of(plant) {
+            if !other.plant.is_on_branch_of(plant) {
                 continue;
             }
-            mean.read_of(&other.with.plant, mean.beside.as_slice(), None, &mut self.varied);
+            mean.read_of(&other.plant, mean.beside.as_slice(), None, &mut self.varied);
             for (r, (row, varied)) in readings.rows.iter().zip(&self.varied.rows).enumerate() {
                 set(first + k, r, (varied.value - row.last + moves(r, late_s(row))) / other.step);
             }
         }
-    }
-
-    /// Takes in the readings of an instant, of which these are the innovations.
-    pub fn take_in(&mut self, readings: &Readings, gain: &Gain, values: &[f64]) {
-        self.blocks.take_in(readings, gain, values);
     }
 
     /// How the innovation of a reading of the present instant changes with parameter by parameter.
@@ -393,18 +328,11 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// How many columns there are besides those of the state.
     pub fn count(&self) -> usize {
         self.blocks.count().0 - self.first
     }
-
-    /// Whether derivatives by a torque are needed.
-    pub fn has_torques(&self) -> bool {
-        self.laws.is_some() || self.others.iter().any(|other| other.differs == Differs::InTorque)
-    }
 }
 
-/// No change of a plant's coordinates.
 const HERE: [f64; MOST_STATES] = [0.0; MOST_STATES];
 
 /// The product of a row with the first coordinates of a state.

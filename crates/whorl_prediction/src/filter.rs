@@ -4,34 +4,30 @@
 //! the state at the start and with parameters.
 
 use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
 
-use crate::claims::Claims;
 use crate::columns::Columns;
 use crate::gains::Gains;
-use crate::guess::known_biases;
 use crate::innovations::{Innovation, Mean};
-use crate::kept_gains::Recorder;
-use crate::levels::Trail;
 use crate::noise::Noise;
 use crate::prepared::Prepared;
 use crate::rows::Readings;
-use crate::start::Start;
+use crate::start::{Start, known_biases};
+use crate::trail::Trail;
 
-/// A filter on its way through a recording.
+/// Memory for the gains of a recording at most \[bytes\]: half an hour of three sensors at 100 Hz.
+const MOST_BYTES: usize = 384 << 20;
+
 pub(crate) struct Filter<'a> {
     pub mean: Mean<'a>,
     pub gains: Gains<'a>,
     /// How it changes with its state at an instant, and with parameters of the model.
     pub columns: Option<Columns<'a>>,
-    /// Keeps gains for passes that take them as they are.
-    pub recorder: Option<Recorder>,
-    /// Keeps the way, so that one can go back along it.
     pub trail: Option<Trail>,
-    /// Of the present instant.
     pub readings: Readings,
     /// Covariance of the start, how far from the start that was given the filter began,
-    known: DMatrix<f64>,
-    begun: DVector<f64>,
+    pub known: DMatrix<f64>,
+    pub begun: DVector<f64>,
     /// and what of the logarithm of what was known before the run the innovations do not say.
     pub log_known: f64,
 }
@@ -43,7 +39,6 @@ impl<'a> Filter<'a> {
         let size = start.layout.size();
         Self {
             columns: None,
-            recorder: None,
             trail: None,
             readings: Readings::default(),
             known: gains.covariance.matrix(size, size),
@@ -62,43 +57,41 @@ impl<'a> Filter<'a> {
         self
     }
 
-    /// The same from which predictions ahead begin.
-    pub fn claiming(mut self) -> Self {
-        let has_own_noise = self.has_own_noise();
-        self.gains.claims = Some(Claims::new(&self.gains.covariance, self.mean.layout, has_own_noise));
-        self
-    }
-
     /// The same, which finds how it changes with its start and with parameters.
     pub fn varying(mut self, columns: Columns<'a>) -> Self {
-        if columns.has_torques() {
-            self.gains.with_torques(&self.mean.plant);
-        }
         self.columns = Some(columns);
         self
     }
 
-    /// Whether the motion is lost.
     pub fn is_lost(&self) -> bool {
         self.mean.lost
     }
 
-    /// Covariance of the start, and how far from the start that was given the filter began.
-    pub fn begun(&self) -> (&DMatrix<f64>, &DVector<f64>) {
-        (&self.known, &self.begun)
+    /// The same, which keeps its gains for passes close by.
+    pub fn keeping(mut self) -> Self {
+        self.trail = Some(Trail::new(self.mean.layout, self.known.clone(), MOST_BYTES));
+        self
     }
 
-    /// What the model alone claims to know now, without disturbances.
-    pub fn claimed(&self) -> DMatrix<f64> {
-        let claimed = self.gains.claims.as_ref().and_then(|claims| claims.covariance.as_ref());
-        let size = self.mean.layout.size();
-        claimed.unwrap_or(&self.gains.covariance).matrix(size, size)
+    /// Gains that were kept; `None` where the motion is lost, or where it would have been too much.
+    pub fn kept(&mut self) -> Option<Trail> {
+        self.trail.take().filter(|trail| !trail.is_full() && !self.mean.lost)
     }
 
-    /// Whether anything random moves besides disturbances.
-    pub fn has_own_noise(&self) -> bool {
-        let case = self.mean.case;
-        case.hidden_noise().any(|level| level > 0.0) || case.drives_with_noise()
+    /// Goes through the recording, or through so many instants of it.
+    pub fn run(&mut self, most: usize, told: &mut dyn FnMut(&Innovation)) -> Likelihood {
+        let mut likelihood = Likelihood::begun(self.log_known);
+        let mut add = |innovation: &Innovation| {
+            likelihood.add(innovation);
+            told(innovation);
+        };
+        for _ in 0..most {
+            if !self.step(&mut add) {
+                break;
+            }
+        }
+        likelihood.end(self.mean.lost);
+        likelihood
     }
 
     /// Goes to the next instant at which anything was read, and takes it in: `told` hears what was found. False behind the
@@ -121,7 +114,6 @@ impl<'a> Filter<'a> {
         !self.mean.lost
     }
 
-    /// Reads what is due.
     pub fn read(&mut self) {
         self.mean.read(Some(&self.gains.linearised), &mut self.readings);
         self.gains.set_back(&mut self.readings);
@@ -140,10 +132,7 @@ impl<'a> Filter<'a> {
         }
         mean.take_in(&self.readings, &gains.gain, told);
         if let Some(columns) = &mut self.columns {
-            columns.take_in(&self.readings, &gains.gain, &mean.values);
-        }
-        if let Some(recorder) = &mut self.recorder {
-            recorder.take_in(&gains.gain);
+            columns.blocks.take_in(&self.readings, &gains.gain, &mean.values);
         }
         if let Some(trail) = self.trail.as_mut().filter(|_| !mean.lost) {
             trail.take_in(&self.readings, &gains.gain, &mean.values);
@@ -153,7 +142,6 @@ impl<'a> Filter<'a> {
     fn propagate(&mut self, to_ns: i64) {
         let (mean, gains) = (&mut self.mean, &mut self.gains);
         let case = mean.case;
-        gains.set_out();
         while mean.plant.now_ns() < to_ns && !mean.lost {
             let from_ns = mean.plant.now_ns();
             let left_ns = to_ns - from_ns;
@@ -168,41 +156,22 @@ impl<'a> Filter<'a> {
             if let Some(columns) = &mut self.columns {
                 mean.lost |= !columns.follow(case, &mean.plant, gains);
             }
-            mean.follow_motors(&gains.step.transition, gains.unseen_axis.as_ref());
-            if let Some(recorder) = &mut self.recorder {
-                recorder.step(end_ns, gains, mean.layout);
-            }
+            mean.move_by_motors(&gains.step.transition, 1.0, gains.unseen_axis.as_ref());
             if let Some(trail) = &mut self.trail {
-                trail.step(end_ns - from_ns, gains);
+                trail.step(end_ns, end_ns - from_ns, gains);
             }
         }
-        if let Some(claims) = &mut gains.claims {
-            claims.arrive();
-        }
-        self.hold_wheels();
-    }
-
-    /// Nothing is uncertain of a wheel that its friction holds.
-    fn hold_wheels(&mut self) {
-        for (i, held) in self.mean.layout.plant.wheels().zip(self.mean.plant.held_wheels()) {
-            if held {
-                self.gains.hold(i);
-                self.columns.iter_mut().for_each(|columns| columns.hold(i));
-                self.trail.iter_mut().for_each(|trail| trail.hold(i));
-            }
+        // Nothing is uncertain of a wheel that its friction holds.
+        for (i, _) in mean.layout.plant.wheels().zip(mean.plant.held_wheels()).filter(|(_, held)| *held) {
+            gains.hold(i);
+            self.columns.iter_mut().for_each(|columns| columns.blocks.hold(i));
+            self.trail.iter_mut().for_each(|trail| trail.hold(i));
         }
     }
 }
 
 /// How far from a start a filter begins whose start moves from pass to pass, while what was known of the sensors' biases before the run
-/// stays about none, and what that adds to the log likelihood. With b the start's biases, B the variances known of them and P the start's
-/// covariance, in which B is a part of the information,
-///
-/// ```text
-/// start' = start - P B^-1 b        log p' = log p - b B^-1 b/2 + b B^-1 P B^-1 b/2
-/// ```
-///
-/// Otherwise pass after pass would move the biases as if nothing were known of them, against a tilt that looks the same.
+/// stays about none, and what that adds to the log likelihood (METHOD.md, "Start").
 pub(crate) fn begun_about_known_biases(
     case: &Prepared<'_>,
     start: &Start,
@@ -215,4 +184,60 @@ pub(crate) fn begun_about_known_biases(
     let begun = known * &pull;
     let log_known = 0.5 * (pull.dot(&start.beside) + pull.dot(&begun));
     (begun, log_known)
+}
+
+/// Share by which a variance of readings that was found with another model may be off: levels beside random torques are known to some per cent.
+const UNSURE_OF_NOISE: f64 = 0.1;
+
+/// Sums over all innovations of a recording.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Likelihood {
+    /// log p of all readings given the commands, -1/2 sum(e^2/S + log 2 pi S).
+    pub log: f64,
+    /// Sum of squares of the normalised innovations.
+    pub chi_squared: f64,
+    /// How many numbers were read.
+    pub numbers: usize,
+    /// The motion was lost before the end: a parameter is too extreme.
+    pub lost: bool,
+}
+
+impl Likelihood {
+    /// Mean square of the normalised innovations: 1 with the true model.
+    #[must_use]
+    pub fn misfit(&self) -> f64 {
+        self.chi_squared / self.numbers.max(1) as f64
+    }
+
+    /// Whether no more than noise is left: the misfit is 1 to five deviations of a mean of so many squares, and to what a level of noise
+    /// may be off by.
+    pub(crate) fn is_noise(&self) -> bool {
+        self.misfit() < 1.0 + UNSURE_OF_NOISE + 5.0 * (2.0 / self.numbers.max(1) as f64).sqrt()
+    }
+
+    /// Of no readings yet; `log_known`: what they do not say of it.
+    pub(crate) fn begun(log_known: f64) -> Self {
+        Self { log: log_known, ..Self::default() }
+    }
+
+    pub(crate) fn add(&mut self, innovation: &Innovation) {
+        self.log += innovation.log_likelihood();
+        self.chi_squared += innovation.normalised().powi(2);
+        self.numbers += 1;
+    }
+
+    /// Behind the last; what is lost is not likely at all.
+    pub(crate) fn end(&mut self, lost: bool) {
+        self.lost = lost || !self.log.is_finite();
+        if self.lost {
+            self.log = f64::NEG_INFINITY;
+        }
+    }
+}
+
+/// How likely a recording is with these levels of noise from a start, by a filter with gains of its own; what was known of the biases
+/// before the run stays about none.
+#[must_use]
+pub fn likelihood(case: &Prepared<'_>, noise: &Noise, start: &Start) -> Likelihood {
+    Filter::new(case, noise, start).about_known_biases(start).run(usize::MAX, &mut |_| {})
 }

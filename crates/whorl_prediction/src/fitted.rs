@@ -1,17 +1,14 @@
 //! The start that a run shows with a model in force.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
-use crate::columns::Columns;
-use crate::filter::Filter;
-use crate::from_start::FromStart;
-use crate::guess::guesses;
-use crate::heading::UnseenHeading;
-use crate::known::narrowed;
-use crate::likelihood::Likelihood;
+use crate::filter::Likelihood;
 use crate::noise::Noise;
+use crate::passes::Pass;
+use crate::passes::narrowed;
 use crate::prepared::Prepared;
 use crate::start::Start;
+use crate::start::guesses;
 
 /// Part of a run after which what it says of its start is looked at first; doubled from there on.
 const FIRST_PART: f64 = 1.0 / 64.0;
@@ -55,16 +52,18 @@ pub fn fitted_start(case: &Prepared<'_>, noise: &Noise) -> FittedStart {
 pub(crate) fn fitted_start_within(case: &Prepared<'_>, noise: &Noise, most: usize) -> FittedStart {
     let whole = most.min(case.instants());
     let wide = Start::wide(case, noise);
+    let improved = |start, most| improved_while(case, noise, start, most, |_| true);
     let guesses = guesses(case, &wide);
-    if let [only] = guesses.as_slice() {
-        return follow(case, noise, only.clone(), whole).0;
+    let mut start = wide.clone();
+    if guesses.len() > 1 {
+        let part = (whole as f64 * SHARE_TO_CHOOSE) as usize;
+        let tried = guesses.into_iter().map(|guess| improved(guess, part));
+        if let Some((best, _)) = tried.max_by(|a, b| a.1.log.total_cmp(&b.1.log)) {
+            // What was known before is no more than it was.
+            start = Start { covariance: wide.covariance.clone(), ..best.start };
+        }
     }
-    let part = (whole as f64 * SHARE_TO_CHOOSE) as usize;
-    let tried = guesses.into_iter().map(|guess| follow(case, noise, guess, part));
-    let best = tried.max_by(|a, b| a.1.log.total_cmp(&b.1.log)).map(|(fitted, _)| fitted.start);
-    // What was known before is no more than it was.
-    let best = best.map(|best| Start { covariance: wide.covariance.clone(), ..best });
-    follow(case, noise, best.unwrap_or(wide), whole).0
+    improved(start, whole).0
 }
 
 /// The start that the whole run shows without disturbances, close to one that was found with them, and how likely the run is from
@@ -77,52 +76,46 @@ pub(crate) fn fitted_start_near(
 ) -> (FittedStart, Likelihood) {
     let wide = Start::wide(case, noise);
     let known_before = wide.covariance.clone();
-    let own = other.start.layout.without_disturbance(&other.covariance);
+    let kept: Vec<usize> = other.start.layout.own().collect();
+    let own = other.covariance.select_rows(&kept).select_columns(&kept);
     let covariance = narrowed(&known_before, &own, case.settings().start_kept);
     let start = Start { covariance, ..wide.about(&other.start) };
-    let mut best = Passed::over(case, noise, start, case.instants());
+    let whole = case.instants();
+    let mut best = Passed::over(case, noise, start, whole);
     let mut stands = false;
-    if best.likelihood.misfit() <= LARGEST_MISFIT {
+    if best.pass.likelihood.misfit() <= LARGEST_MISFIT {
         // As narrow as the whole run makes it, so that the filter is linear over it.
-        let covariance = narrowed(&known_before, &best.own, case.settings().start_kept);
-        let moved = Start { covariance, ..best.start.moved(&best.shift) };
-        best = Passed::over(case, noise, moved, case.instants());
-        stands = best.improve(case, noise, case.instants(), NEAR_PASSES, &[1.0]);
+        let covariance = narrowed(&known_before, &best.pass.sums.own, case.settings().start_kept);
+        let moved = Start { covariance, ..best.start.moved(&best.pass.shift) };
+        best = Passed::over(case, noise, moved, whole);
+        stands = best.improve(case, noise, whole, NEAR_PASSES, &[1.0]);
     }
-    // A motion may leave an unstable rest, so that only the exact start tells where it goes: then longer and longer parts of the run lead there. What a
-    // model lacks would move the start, not what the run shows of it.
-    let again = Start { covariance: known_before.clone(), ..best.start.clone() };
-    let longer = || follow_while(case, noise, again, case.instants(), Likelihood::is_noise);
-    let likelier = |(_, other): &(FittedStart, Likelihood)| other.log > best.likelihood.log;
-    let is_top = stands && best.likelihood.log >= log_with_them;
-    let found = if is_top { None } else { longer().filter(likelier) };
-    found.unwrap_or_else(|| (best.fitted(&known_before, stands), best.likelihood))
+    let log = best.pass.likelihood.log;
+    if !(stands && log >= log_with_them) {
+        // A motion may leave an unstable rest, so that only the exact start tells where it goes: then longer and longer parts of the run lead there. What
+        // a model lacks would move the start, not what the run shows of it.
+        let again = Start { covariance: known_before.clone(), ..best.start.clone() };
+        let longer = improved_while(case, noise, again, whole, Likelihood::is_noise);
+        if longer.1.log > log {
+            return longer;
+        }
+    }
+    best.fitted(&known_before, stands)
 }
 
-/// Improves a start by longer and longer parts of the run, up to so many instants; with the log likelihood of the last part.
+/// Improves a start by longer and longer parts of the run, up to so many instants, while this holds of them; with how likely the last part is: not at all where
+/// it does not hold.
 ///
 /// On each part the start is moved until it stands: where a step makes the part less likely, a part of the step is tried. The
 /// next part begins with a covariance that has a hundredth of what this one said: a filter whose start is as wide as what was
 /// known before the run would be linear over angles for which the motion is not, however good its mean has become.
-fn follow(case: &Prepared<'_>, noise: &Noise, start: Start, most: usize) -> (FittedStart, Likelihood) {
-    let lost = Likelihood { log: f64::NEG_INFINITY, lost: true, ..Likelihood::default() };
-    let unmoved = FittedStart {
-        covariance: start.covariance.clone(),
-        start: start.clone(),
-        determined: 0.0,
-        stands: false,
-    };
-    follow_while(case, noise, start, most, |_| true).unwrap_or((unmoved, lost))
-}
-
-/// The same while this holds of the parts; `None` where it does not.
-fn follow_while(
+fn improved_while(
     case: &Prepared<'_>,
     noise: &Noise,
     start: Start,
     most: usize,
     is_good: fn(&Likelihood) -> bool,
-) -> Option<(FittedStart, Likelihood)> {
+) -> (FittedStart, Likelihood) {
     let (instants, whole) = (case.instants(), most.max(FEWEST_INSTANTS));
     let mut part = ((instants as f64 * FIRST_PART) as usize).max(FEWEST_INSTANTS).min(whole);
     let known_before = start.covariance.clone();
@@ -130,10 +123,11 @@ fn follow_while(
     let mut stands = false;
     for _ in 0..MOST_ROUNDS {
         stands = best.improve(case, noise, part, case.settings().start_passes, &SHARES_OF_A_STEP);
-        if !is_good(&best.likelihood) {
-            return None;
+        if !is_good(&best.pass.likelihood) {
+            best.pass.likelihood.end(true);
+            break;
         }
-        let narrowed = narrowed(&known_before, &best.own, case.settings().start_kept);
+        let narrowed = narrowed(&known_before, &best.pass.sums.own, case.settings().start_kept);
         let begun = best.start.covariance.diagonal();
         let becomes = |judge: fn(f64, f64) -> bool| {
             begun.iter().zip(narrowed.diagonal().iter()).all(|(now, next)| judge(*now, *next))
@@ -146,38 +140,18 @@ fn follow_while(
         part = if settled { whole } else { (2 * part).min(whole) };
         best = Passed::over(case, noise, Start { covariance: narrowed, ..best.start }, part);
     }
-    Some((best.fitted(&known_before, stands), best.likelihood))
+    best.fitted(&known_before, stands)
 }
 
-/// What a pass over a part of a run says of its start.
+/// A pass over a part of a run from a start.
 struct Passed {
     start: Start,
-    likelihood: Likelihood,
-    shift: DVector<f64>,
-    own: DMatrix<f64>,
-    heading: UnseenHeading,
+    pass: Pass,
 }
 
 impl Passed {
     fn over(case: &Prepared<'_>, noise: &Noise, start: Start, part: usize) -> Self {
-        let mut filter = Filter::new(case, noise, &start)
-            .about_known_biases(&start)
-            .varying(Columns::since_now(start.layout));
-        let (mut taken, mut likelihood) = (0, Likelihood::begun(filter.log_known));
-        while taken < part && filter.step(&mut |innovation| likelihood.add(innovation)) {
-            taken += 1;
-        }
-        likelihood.lost = filter.is_lost();
-        let heading = filter.gains.heading;
-        if likelihood.lost || !likelihood.log.is_finite() {
-            likelihood.log = f64::NEG_INFINITY;
-        }
-        let size = start.covariance.nrows();
-        let FromStart { shift, own, .. } = FromStart::of(&mut filter);
-        let is_finite = shift.iter().all(|x| x.is_finite());
-        let (shift, own) =
-            if is_finite { (shift, own) } else { (DVector::zeros(size), start.covariance.clone()) };
-        Self { start, likelihood, shift, own, heading }
+        Self { pass: Pass::of_start(case, noise, &start, part), start }
     }
 
     /// Moves the start until the part is hardly likelier with another one; whether it is.
@@ -190,29 +164,27 @@ impl Passed {
         shares: &[f64],
     ) -> bool {
         for _ in 0..passes {
-            let Some(next) = self.improved(case, noise, part, shares) else { return true };
-            let gain = next.likelihood.log - self.likelihood.log;
+            let log = self.pass.likelihood.log;
+            let likelier = shares.iter().find_map(|share| {
+                let tried = Self::over(case, noise, self.start.moved(&(&self.pass.shift * *share)), part);
+                (tried.pass.likelihood.log > log).then_some(tried)
+            });
+            let Some(next) = likelier else { return true };
             *self = next;
             // Errors k times the noise make likelihoods differ k^2 times as much.
-            if gain <= case.settings().start_stands_nats * self.likelihood.misfit().max(1.0) {
+            let now = &self.pass.likelihood;
+            if now.log - log <= case.settings().start_stands_nats * now.misfit().max(1.0) {
                 return true;
             }
         }
         false
     }
 
-    /// A start that makes the part likelier; `None` where none is found.
-    fn improved(&self, case: &Prepared<'_>, noise: &Noise, part: usize, shares: &[f64]) -> Option<Self> {
-        shares.iter().find_map(|share| {
-            let tried = Self::over(case, noise, self.start.moved(&(&self.shift * *share)), part);
-            (tried.likelihood.log > self.likelihood.log).then_some(tried)
-        })
-    }
-
-    fn fitted(&self, known_before: &DMatrix<f64>, stands: bool) -> FittedStart {
-        let (before, own) = (self.heading.out_of(known_before).diagonal(), self.own.diagonal());
+    fn fitted(self, known_before: &DMatrix<f64>, stands: bool) -> (FittedStart, Likelihood) {
+        let Pass { sums, likelihood, .. } = self.pass;
+        let (before, own) = (sums.seen(known_before).diagonal(), sums.own.diagonal());
         let pairs = before.iter().zip(own.iter()).filter(|(before, _)| **before > 0.0);
         let determined = pairs.map(|(before, own)| 1.0 - (own / before).clamp(0.0, 1.0)).sum();
-        FittedStart { start: self.start.clone(), covariance: self.own.clone(), determined, stands }
+        (FittedStart { start: self.start, covariance: sums.own, determined, stands }, likelihood)
     }
 }

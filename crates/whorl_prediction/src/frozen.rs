@@ -1,26 +1,23 @@
 //! Innovations with gains that were made once: any gain makes a causal predictor, and near an optimum gains hardly change.
 
 use nalgebra::DVector;
+use whorl_math::lanes::{Gain, Sparse};
 
-use crate::filter::{Filter, begun_about_known_biases};
+use crate::filter::{Filter, Likelihood, begun_about_known_biases};
 use crate::innovations::{Innovation, Mean};
-use crate::kept_gains::{FrozenGains, Recorder};
-use crate::lanes::Gain;
-use crate::likelihood::Likelihood;
 use crate::noise::Noise;
 use crate::prepared::Prepared;
 use crate::rows::Readings;
 use crate::start::Start;
+use crate::trail::Trail;
 
 /// Gains of a filter with these levels of noise along the motion from a start; `None` where the motion is lost, or where they would fill
-/// more than 256 MB.
+/// more than 384 MB.
 #[must_use]
-pub fn frozen_gains(case: &Prepared<'_>, noise: &Noise, start: &Start) -> Option<FrozenGains> {
-    let mut filter = Filter::new(case, noise, start).about_known_biases(start);
-    filter.recorder = Some(Recorder::new(filter.begun().0.clone()));
-    while filter.step(&mut |_| {}) {}
-    let is_lost = filter.is_lost();
-    filter.recorder.take().filter(|_| !is_lost).and_then(Recorder::end)
+pub fn frozen_gains(case: &Prepared<'_>, noise: &Noise, start: &Start) -> Option<Trail> {
+    let mut filter = Filter::new(case, noise, start).about_known_biases(start).keeping();
+    filter.run(usize::MAX, &mut |_| {});
+    filter.kept()
 }
 
 /// Innovations of a recording with gains that were made close by; `None` where other readings are due than there.
@@ -28,91 +25,61 @@ pub fn innovations(
     case: &Prepared<'_>,
     noise: &Noise,
     start: &Start,
-    gains: &FrozenGains,
+    gains: &Trail,
     told: &mut dyn FnMut(&Innovation),
 ) -> Option<Likelihood> {
-    let mut pass = FrozenPass::new(case, noise, start, gains);
-    let mut likelihood = Likelihood::begun(pass.log_known);
-    while pass.step(&mut |innovation| {
-        likelihood.add(innovation);
-        told(innovation);
-    }) {}
-    likelihood.lost = pass.mean.lost;
-    (!pass.is_other).then_some(likelihood)
+    Some(innovations_from(case, noise, start, gains, told)?.0)
 }
 
-/// A pass of the mean alone with gains that were kept.
-pub(crate) struct FrozenPass<'a> {
-    pub mean: Mean<'a>,
-    kept: &'a FrozenGains,
-    pub log_known: f64,
-    pub begun: DVector<f64>,
-    gain: Gain,
-    readings: Readings,
-    /// Next of each list.
-    stride: usize,
-    /// What motors moved over the step before, and its length \[s\].
-    before: Option<(usize, f64)>,
-    instant: usize,
-    at: [usize; 3],
-    /// Readings are others than those of which gains were kept.
-    pub is_other: bool,
-}
-
-impl<'a> FrozenPass<'a> {
-    /// From a start, about which what was known of the biases before the run stays about none.
-    pub fn new(case: &'a Prepared<'a>, noise: &'a Noise, start: &Start, kept: &'a FrozenGains) -> Self {
-        let (begun, log_known) = begun_about_known_biases(case, start, kept.known());
-        let mut mean = Mean::new(case, noise, start);
-        mean.change(&begun);
-        Self {
-            mean,
-            kept,
-            log_known,
-            begun,
-            gain: Gain::default(),
-            readings: Readings::default(),
-            stride: 0,
-            before: None,
-            instant: 0,
-            at: [0; 3],
-            is_other: false,
-        }
-    }
-
-    /// As [`crate::filter::Filter::step`].
-    pub fn step(&mut self, told: &mut dyn FnMut(&Innovation)) -> bool {
-        let mean = &mut self.mean;
-        let Some(instant_ns) = mean.next_ns() else { return false };
+/// The same, and how far from the start that was given it began: what was known of the biases before the run stays about none.
+pub(crate) fn innovations_from(
+    case: &Prepared<'_>,
+    noise: &Noise,
+    start: &Start,
+    kept: &Trail,
+    told: &mut dyn FnMut(&Innovation),
+) -> Option<(Likelihood, DVector<f64>)> {
+    let (begun, log_known) = begun_about_known_biases(case, start, &kept.known);
+    let mut mean = Mean::new(case, noise, start);
+    mean.change(&begun);
+    let mut likelihood = Likelihood::begun(log_known);
+    let (mut gain, mut at, mut readings) = (Gain::default(), [0; 3], Readings::default());
+    // What the last step did to errors, and its length: by it motors move the plant.
+    let (mut now, mut before, mut before_s) = (Sparse::default(), Sparse::default(), 0.0);
+    let has_motors = !mean.layout.motors().is_empty();
+    let mut instants = 0..kept.instants.len();
+    while let Some(instant_ns) = mean.next_ns().filter(|_| !mean.lost) {
+        let instant = instants.next()?;
+        let (first, taken) = kept.before(instant);
         mean.set_out(instant_ns);
-        while mean.plant.now_ns() < instant_ns && !mean.lost {
-            let stride = self.kept.strides.get(self.stride);
-            let Some(stride) = stride.filter(|stride| stride.end_ns <= instant_ns) else {
-                self.is_other = true;
-                return false;
-            };
-            let step_s = (stride.end_ns - mean.plant.now_ns()) as f64 * 1e-9;
-            let transitions = &self.kept.transitions;
-            mean.advance(stride.end_ns, self.before.map(|(before, step_s)| (&transitions[before], step_s)));
-            mean.follow_motors(&transitions[stride.transition], stride.unseen_axis.as_ref());
-            self.before = Some((stride.transition, step_s));
-            self.stride += 1;
+        for stride in &kept.strides[first..kept.instants[instant].strides] {
+            if has_motors {
+                kept.transitions.rows_to(kept.transition(*stride), &mut now);
+            }
+            mean.advance(stride.end_ns, (before_s > 0.0).then_some((&before, before_s)));
+            mean.move_by_motors(&now, 1.0, stride.unseen_axis.as_ref());
+            std::mem::swap(&mut now, &mut before);
+            before_s = stride.step_s;
+        }
+        if mean.lost {
+            break;
+        }
+        if mean.plant.now_ns() != instant_ns {
+            return None;
         }
         mean.find_due(instant_ns);
-        if mean.lost {
-            return false;
+        mean.read(None, &mut readings);
+        let count = kept.instants[instant].readings - taken;
+        if readings.rows.len() != count {
+            return None;
         }
-        mean.read(None, &mut self.readings);
-        let count = self.kept.counts.get(self.instant).copied().unwrap_or(0) as usize;
-        self.instant += 1;
-        if self.readings.rows.len() != count {
-            self.is_other = true;
-            return false;
-        }
-        let size = mean.layout.size();
-        let kept = self.kept;
-        self.gain.take_from(size, count, [&kept.gains, &kept.couplings], &kept.variances, &mut self.at);
-        mean.take_in(&self.readings, &self.gain, told);
-        !mean.lost
+        let lists = [&kept.gains[..], &kept.couplings];
+        gain.take_from(mean.layout.size(), count, lists, &kept.variances, &mut at);
+        mean.take_in(&readings, &gain, &mut |innovation| {
+            likelihood.add(innovation);
+            told(innovation);
+        });
     }
+    likelihood.end(mean.lost);
+    Some((likelihood, begun))
 }

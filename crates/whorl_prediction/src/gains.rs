@@ -4,19 +4,16 @@ use std::borrow::Cow;
 
 use nalgebra::{DMatrix, Vector3};
 use whorl_dynamics::plant::{LinearisedPlant, Plant, RATE};
+use whorl_math::lanes::{Gain, Lanes, MOST_STATES, Sparse, Step, fastest_rate_1_s};
+use whorl_math::vertical_b;
 
 use crate::cells::SHARE_OF_TIME;
-use crate::claims::Claims;
-use crate::heading::UnseenHeading;
-use crate::lanes::{Gain, Lanes, MOST_STATES, Sparse};
-use crate::layout::Layout;
-use crate::linearisation::Place;
-use crate::noise::{Disturbance, Noise};
+use crate::linearisation::{Place, unseen_axis};
+use crate::noise::{Disturbance, Layout, Noise};
 use crate::prepared::Prepared;
 use crate::rows::Readings;
 use crate::settings::Settings;
 use crate::start::Start;
-use crate::transition::{Step, WhiteNoise, fastest_rate_1_s};
 
 /// Covariance and gains along a motion.
 pub(crate) struct Gains<'a> {
@@ -28,20 +25,20 @@ pub(crate) struct Gains<'a> {
     /// and noise of what wheels that are driven along their measured speeds give the body ([`Prepared::driven_momentum_roots`]).
     driven_momentum_roots: &'a [Vector3<f64>],
     pub covariance: Lanes,
-    /// What predictions ahead need.
-    pub claims: Option<Claims>,
+    /// What the model alone claims to know, without disturbances; `None`: there are none, or nobody asks.
+    claimed: Option<Lanes>,
+    /// The same of predictions ahead, which no reading corrects.
+    pub ahead: Vec<Lanes>,
     pub linearised: LinearisedPlant,
     /// Where the derivatives were made.
     place: Place,
     pub fastest_1_s: f64,
-    /// Derivatives by a torque are needed.
-    has_torques: bool,
     /// d/dt of the error of what moves, now and before.
     motion: DMatrix<f64>,
     before: DMatrix<f64>,
-    /// What drives errors, and what of that there is without disturbances.
-    drives: WhiteNoise,
-    drives_alone: WhiteNoise,
+    /// Variance that each coordinate gains in a second, with disturbances, and roots of those that turns gain by wheels that are driven along their speeds.
+    drives: Vec<f64>,
+    turns: Vec<Vector3<f64>>,
     /// What a step of this length does to errors with the present derivatives; none yet: zero.
     pub step: Step,
     step_ns: i64,
@@ -51,32 +48,31 @@ pub(crate) struct Gains<'a> {
     last_s: f64,
     /// Room for rows of readings.
     set_back: Sparse,
-    /// What of the attitude at the start is of no consequence,
-    pub heading: UnseenHeading,
-    /// and about which axis that is now.
+    /// About which axis the attitude at the start is of no consequence,
+    pub unseen_at_start: Option<Vector3<f64>>,
+    /// and which that is now.
     pub unseen_axis: Option<Vector3<f64>>,
     /// Of the readings of the present instant.
     pub gain: Gain,
 }
 
 impl<'a> Gains<'a> {
-    /// At a start, in which the plant stands; `has_laws`: derivatives by a torque are needed whatever disturbances there are.
+    /// At a start, in which the plant stands.
     pub fn new(case: &'a Prepared<'a>, noise: &'a Noise, start: &Start, plant: &Plant) -> Self {
         let layout = start.layout;
-        let has_torques = noise.disturbance.is_some() || case.drives_with_noise();
         let mut linearised = LinearisedPlant::none(plant);
-        plant.linearise_into(&mut linearised, has_torques);
-        let heading = UnseenHeading::of(case, plant, &linearised);
+        plant.linearise_into(&mut linearised, true);
+        let unseen_at_start = unseen_axis(case, plant, &linearised);
         let mut covariance = Lanes::of(&start.covariance);
-        if let Some(axis) = heading.at_start() {
+        if let Some(axis) = unseen_at_start {
             covariance.level_covariance(&axis);
         }
-        let walks = (0..layout.size()).map(|i| case.walk_variance(layout, i, 1.0)).collect();
+        let walks = layout.walks(&case.model.sensors, &case.hidden_noise);
         let disturbance = Cow::Borrowed(&noise.disturbance);
-        let roots = case.driven_momentum_roots();
+        let roots = &case.driven_momentum_roots;
         let mut gains =
             Self::of(*case.settings(), disturbance, layout, walks, roots, covariance, linearised, plant);
-        (gains.has_torques, gains.heading) = (has_torques, heading);
+        gains.unseen_at_start = unseen_at_start;
         gains
     }
 
@@ -93,12 +89,9 @@ impl<'a> Gains<'a> {
         plant: &Plant,
     ) -> Self {
         let none = DMatrix::zeros(layout.moving(), layout.moving());
-        let turns = vec![Vector3::zeros(); driven_momentum_roots.len()];
-        let drives_alone = WhiteNoise { density: walks[..layout.moving()].to_vec(), turns };
-        let mut drives = drives_alone.clone();
-        let of = &disturbance;
-        for ((i, stddev), (_, correlation_s)) in of.coordinates(layout).zip(of.times(layout)) {
-            drives.density[i] += stddev * stddev * 2.0 / correlation_s;
+        let mut drives = walks[..layout.moving()].to_vec();
+        for (i, stddev, correlation_s) in disturbance.coordinates(layout) {
+            drives[i] += stddev * stddev * 2.0 / correlation_s;
         }
         let mut gains = Self {
             settings,
@@ -107,33 +100,27 @@ impl<'a> Gains<'a> {
             walks,
             driven_momentum_roots,
             covariance,
-            claims: None,
+            claimed: None,
+            ahead: Vec::new(),
             linearised,
             place: Place::of(plant),
             fastest_1_s: 0.0,
-            has_torques: true,
             motion: none.clone(),
             before: none,
             drives,
-            drives_alone,
+            turns: Vec::new(),
             step: Step::new(layout.moving(), layout.size()),
             step_ns: 0,
             has_new_step: false,
             last_s: 0.0,
             set_back: Sparse::default(),
-            heading: UnseenHeading::NONE,
+            unseen_at_start: None,
             unseen_axis: None,
             gain: Gain::default(),
         };
         gains.find_motion(plant);
         gains.fastest_1_s = fastest_1_s(plant, &gains.linearised);
         gains
-    }
-
-    /// With derivatives by a torque, whatever disturbances there are.
-    pub fn with_torques(&mut self, plant: &Plant) {
-        self.has_torques = true;
-        plant.linearise_into(&mut self.linearised, true);
     }
 
     /// d/dt of the error of what moves.
@@ -153,23 +140,34 @@ impl<'a> Gains<'a> {
                 a[(speed, i)] += 1.0 / wheel.spin_inertia_kg_m2;
             }
         }
-        for (i, correlation_s) in self.disturbance.times(self.layout) {
+        for (i, _, correlation_s) in self.disturbance.coordinates(self.layout) {
             a[(i, i)] = -1.0 / correlation_s;
         }
     }
 
-    /// Sets out to the instant of the next readings.
-    pub fn set_out(&mut self) {
-        if let Some(claims) = &mut self.claims {
-            claims.set_out();
+    /// Goes along with so many predictions ahead, and with what the model alone claims to know.
+    pub fn claim(&mut self, horizons: usize) {
+        let disturbances = self.layout.plant.size()..self.layout.moving();
+        if horizons > 0 && !disturbances.is_empty() {
+            let claimed = self.claimed.insert(self.covariance.clone());
+            disturbances.for_each(|i| claimed.hold(i));
         }
+        self.ahead = vec![self.covariance.clone(); horizons];
+    }
+
+    /// A prediction ahead begins in the present state.
+    pub fn begin_ahead(&mut self, position: usize) {
+        self.ahead[position].clone_from(self.claimed.as_ref().unwrap_or(&self.covariance));
     }
 
     /// The longest step that covariances may take \[s\].
     pub fn longest_s(&self) -> f64 {
         let of_motion = self.settings.covariance_step / self.fastest_1_s.max(1e-9);
         let share = if self.settings.cell_s > 0.0 { SHARE_OF_TIME } else { self.settings.covariance_step };
-        self.disturbance.times(self.layout).map(|(_, time_s)| share * time_s).fold(of_motion, f64::min)
+        self.disturbance
+            .coordinates(self.layout)
+            .map(|(_, _, time_s)| share * time_s)
+            .fold(of_motion, f64::min)
     }
 
     /// Behind a step of the plant.
@@ -178,12 +176,14 @@ impl<'a> Gains<'a> {
         self.last_s = step_s;
         self.find_step(plant, step_ns);
         let touch = self.touch_rad_s(plant, step_s);
-        self.unseen_axis = self.heading.now(plant);
+        self.unseen_axis = self.unseen_at_start.map(|_| vertical_b(&plant.state().q_world_body));
         let (Step { transition, noise, of_model, .. }, axis) = (&self.step, self.unseen_axis.as_ref());
-        let claimed = self.claims.as_mut().and_then(|claims| claims.covariance.as_mut());
-        for (covariance, noise) in [(Some(&mut self.covariance), noise), (claimed, of_model)] {
+        // A prediction ahead claims that it knows what touches do.
+        let filtered = [(Some(&mut self.covariance), noise, touch), (self.claimed.as_mut(), of_model, touch)];
+        let ahead = self.ahead.iter_mut().map(|covariance| (Some(covariance), of_model, None));
+        for (covariance, noise, touch) in filtered.into_iter().chain(ahead) {
             let Some(covariance) = covariance else { continue };
-            covariance.grow(transition, noise.as_ref());
+            covariance.grow(transition, Some(noise));
             touch.iter().for_each(|touch_rad_s| add_square(covariance, touch_rad_s));
             for i in self.layout.moving()..self.layout.size() {
                 covariance.row_mut(i)[i] += self.walks[i] * step_s;
@@ -191,9 +191,6 @@ impl<'a> Gains<'a> {
             if let Some(axis) = axis {
                 covariance.level_covariance(axis);
             }
-        }
-        if let Some(claims) = &mut self.claims {
-            claims.follow(&self.step, axis);
         }
     }
 
@@ -220,7 +217,7 @@ impl<'a> Gains<'a> {
         self.step_ns = step_ns;
         if !is_near {
             self.before.copy_from(&self.motion);
-            plant.linearise_into(&mut self.linearised, self.has_torques);
+            plant.linearise_into(&mut self.linearised, true);
             self.place = now;
             self.find_motion(plant);
             self.fastest_1_s = fastest_1_s(plant, &self.linearised);
@@ -231,13 +228,11 @@ impl<'a> Gains<'a> {
         }
         // The noise of a speed along which a wheel is driven is one of the body's rate, and its attitude follows.
         let by_torque = self.linearised.rate_by_torque.fixed_rows::<3>(RATE.start);
-        for noise in [&mut self.drives, &mut self.drives_alone] {
-            let driven = self.driven_momentum_roots.iter().zip(&mut noise.turns);
-            driven.for_each(|(momentum_b, turn)| *turn = by_torque * momentum_b);
-        }
+        self.turns.clear();
+        self.turns.extend(self.driven_momentum_roots.iter().map(|momentum_b| by_torque * momentum_b));
         let motion = if is_near { &self.motion } else { &self.before };
-        let alone = self.claims.is_some().then_some(&self.drives_alone);
-        self.step.make(motion, &self.drives, alone, step_ns as f64 * 1e-9);
+        let alone = (!self.ahead.is_empty()).then(|| &self.walks[..self.drives.len()]);
+        self.step.make(motion, &self.drives, alone, &self.turns, step_ns as f64 * 1e-9);
     }
 
     /// What the last step did to errors, and its length \[s\].
@@ -270,8 +265,7 @@ impl<'a> Gains<'a> {
 
     /// Takes readings out of the covariances; false where one is none any more.
     pub fn correct(&mut self, readings: &Readings) -> bool {
-        let claimed = self.claims.as_mut().and_then(|claims| claims.covariance.as_mut());
-        if let Some(claimed) = claimed {
+        if let Some(claimed) = &mut self.claimed {
             claimed.correct(&readings.by_state, &readings.variances, &mut self.gain);
         }
         self.covariance.correct(&readings.by_state, &readings.variances, &mut self.gain)
@@ -280,9 +274,7 @@ impl<'a> Gains<'a> {
     /// Nothing is uncertain of a coordinate.
     pub fn hold(&mut self, i: usize) {
         self.covariance.hold(i);
-        if let Some(claimed) = self.claims.as_mut().and_then(|claims| claims.covariance.as_mut()) {
-            claimed.hold(i);
-        }
+        self.claimed.iter_mut().for_each(|claimed| claimed.hold(i));
     }
 }
 

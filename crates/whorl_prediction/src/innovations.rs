@@ -4,15 +4,13 @@ use std::cell::Cell;
 
 use nalgebra::{DVector, Vector3};
 use whorl_dynamics::plant::{LinearisedPlant, Plant, ROTATION};
+use whorl_math::lanes::{Gain, Sparse, level};
 use whorl_recording::Component;
 
-use crate::collected::Collected;
-use crate::lanes::{Gain, Sparse, level};
-use crate::layout::Layout;
-use crate::noise::Noise;
+use crate::noise::{Layout, Noise};
 use crate::prepared::Prepared;
 use crate::readings::Cursor;
-use crate::rows::{Readings, Seen};
+use crate::rows::{Collected, Readings, Seen};
 use crate::start::Start;
 use crate::stop::obey;
 
@@ -88,7 +86,7 @@ pub(crate) struct Mean<'a> {
 impl<'a> Mean<'a> {
     /// At a start.
     pub fn new(case: &'a Prepared<'a>, noise: &'a Noise, start: &Start) -> Self {
-        let mut plant = case.plant().clone();
+        let mut plant = case.plant.clone();
         start.put(&mut plant);
         Self {
             case,
@@ -96,8 +94,8 @@ impl<'a> Mean<'a> {
             layout: start.layout,
             plant,
             beside: start.beside.clone(),
-            event: case.first_event(),
-            cursor: Cursor::new(case.tracks()),
+            event: case.event,
+            cursor: Cursor::new(&case.tracks),
             end_ns: i64::MIN,
             collected: Collected::default(),
             within: Readings::default(),
@@ -112,7 +110,7 @@ impl<'a> Mean<'a> {
 
     /// The instant at which the next readings are taken in \[ns\].
     pub fn next_ns(&self) -> Option<i64> {
-        self.cursor.instant_ns(self.case.tracks()).map(|first_ns| self.case.cell_end_ns(first_ns))
+        self.cursor.instant_ns(&self.case.tracks).map(|first_ns| self.case.cell_end_ns(first_ns))
     }
 
     /// Sets out to the instant of the next readings. What is read then is known before: what a platform does there is what others begin
@@ -131,16 +129,16 @@ impl<'a> Mean<'a> {
         self.motors_n_m.extend(motors.map(|i| self.beside[i]));
         self.moved.clear();
         self.moved.resize(self.layout.plant.size(), 0.0);
-        while let Some(instant_ns) = self.cursor.instant_ns(self.case.tracks())
+        let from_ns = self.plant.now_ns();
+        while let Some(instant_ns) = self.cursor.instant_ns(&self.case.tracks)
             && instant_ns < self.end_ns
             && instant_ns <= end_ns
             && !self.lost
         {
-            let from_ns = self.plant.now_ns();
             self.plant.average_readings(self.case.mean_inputs(instant_ns));
             self.go(instant_ns);
             if let Some((transition, step_s)) = before {
-                self.move_by_motors(transition, (instant_ns - from_ns) as f64 * 1e-9 / step_s);
+                self.move_by_motors(transition, (instant_ns - from_ns) as f64 * 1e-9 / step_s, None);
             }
             self.collect(instant_ns);
             self.plant.average_readings(self.case.mean_inputs(self.end_ns));
@@ -156,39 +154,25 @@ impl<'a> Mean<'a> {
             self.plant.set_disturbance(k, now_n_m, 1.0 / process.correlation_s);
         }
         let from_ns = self.plant.now_ns();
-        self.lost |= !self.case.run_to(&mut self.plant, &mut self.event, to_ns);
+        self.lost |= !self.case.commands.run_to(&mut self.plant, &mut self.event, to_ns);
         let after_s = (to_ns - from_ns) as f64 * 1e-9;
-        for (i, correlation_s) in noise.times(self.layout) {
+        for (i, _, correlation_s) in noise.coordinates(self.layout) {
             self.beside[i] *= (-after_s / correlation_s).exp();
         }
     }
 
-    /// What motors' disturbances move over a share of a step.
-    fn move_by_motors(&mut self, transition: &Sparse, share: f64) {
-        if self.motors_n_m.is_empty() {
+    /// Moves the plant by what the motors' disturbances, which it does not know, have moved over this share of a step, by their columns of F.
+    pub fn move_by_motors(&mut self, transition: &Sparse, share: f64, heading: Option<&Vector3<f64>>) {
+        let (motors, n) = (self.layout.motors(), self.layout.plant.size());
+        if motors.is_empty() {
             return;
         }
-        self.find_change_by_motors(transition, share);
-        self.moved.iter_mut().zip(&self.change).for_each(|(sum, by)| *sum += by);
-        self.plant.change_state(&self.change);
-    }
-
-    fn find_change_by_motors(&mut self, transition: &Sparse, share: f64) {
-        let (motors, n) = (self.layout.motors(), self.layout.plant.size());
         self.change.clear();
-        self.change.resize(n, 0.0);
+        self.change.extend(self.moved.iter().map(|moved| -moved));
         for (i, k, by) in transition.entries().filter(|(i, k, _)| *i < n && motors.contains(k)) {
             self.change[i] += by * self.motors_n_m[k - motors.start] * share;
         }
-    }
-
-    /// Behind a step: what the motors' disturbances, which the plant does not know, have moved, by their columns of F.
-    pub fn follow_motors(&mut self, transition: &Sparse, heading: Option<&Vector3<f64>>) {
-        if self.motors_n_m.is_empty() {
-            return;
-        }
-        self.find_change_by_motors(transition, 1.0);
-        self.change.iter_mut().zip(&self.moved).for_each(|(change, moved)| *change -= moved);
+        self.moved.iter_mut().zip(&self.change).for_each(|(sum, by)| *sum += by);
         if let Some(axis) = heading {
             level(&mut self.change[ROTATION], axis);
         }
@@ -208,7 +192,7 @@ impl<'a> Mean<'a> {
     }
 
     fn find_due_now(&mut self, instant_ns: i64) {
-        let tracks = self.case.tracks();
+        let tracks = &self.case.tracks;
         self.due.clear();
         while let Some(reading) = self.cursor.take(tracks, instant_ns) {
             self.due.push(reading);

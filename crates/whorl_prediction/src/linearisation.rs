@@ -1,7 +1,11 @@
 //! Derivatives of the plant, and where they hold.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use whorl_dynamics::plant::Plant;
+use whorl_dynamics::plant::{LinearisedPlant, Plant, ROTATION};
+use whorl_math::vertical_b;
+use whorl_recording::Channel;
+
+use crate::prepared::Prepared;
 
 /// Where derivatives were made, as far as they depend on it.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,4 +50,31 @@ impl Place {
         let rates = self.rates_rad_s.iter().zip(&other.rates_rad_s).map(|(a, b)| (a - b).norm()).sum::<f64>();
         angle + rates / fastest_1_s.max(1.0)
     }
+}
+
+/// Share of the derivatives by attitude below which motion and readings do not depend on the heading: differences that make them
+/// err by less than a hundredth of it.
+const NOTHING: f64 = 1e-6;
+
+/// The vertical at the start, body axes, if neither the motion nor a reading depends on how far the platform is turned about it.
+///
+/// Such a heading can be anything, and a filter takes the one that it has, at the start and all the way (METHOD.md, "Start"). What a body's axes are
+/// turned by about others than the vertical does not depend on the heading, so that nothing is lost.
+pub(crate) fn unseen_axis(
+    case: &Prepared<'_>,
+    plant: &Plant,
+    linearised: &LinearisedPlant,
+) -> Option<Vector3<f64>> {
+    let vertical_b = vertical_b(&plant.state().q_world_body);
+    let seen = case.tracks.iter().any(|track| track.channel == Channel::Vector);
+    (!seen && !matters(linearised, &vertical_b)).then_some(vertical_b)
+}
+
+/// Whether a turn about the vertical changes what the plant does next, or what its sensors read.
+fn matters(linearised: &LinearisedPlant, vertical_b: &Vector3<f64>) -> bool {
+    let motion = linearised.rate_by_state.fixed_columns::<3>(ROTATION.start);
+    let readings = linearised.imu_by_state.fixed_columns::<3>(ROTATION.start);
+    // By row: a torque is no speed. How a turn itself goes on does not count.
+    let mut rows = motion.row_iter().skip(ROTATION.end).chain(readings.row_iter());
+    rows.any(|row| (row * vertical_b).x.abs() > NOTHING * row.norm())
 }

@@ -1,11 +1,14 @@
 //! What is uncertain of readings and motion: the numbers that a filter is run with.
 
+use std::ops::Range;
+
 use serde::Serialize;
+use whorl_dynamics::plant::Tangent;
+use whorl_dynamics::platform::SensorSuite;
 use whorl_recording::{Channel, Component};
 
-use crate::error::PredictionError;
-use crate::layout::Layout;
 use crate::prepared::Prepared;
+use crate::refusal::{PredictionError, Why};
 
 /// Standard deviations of one reading, and of what pushes the platform that its model does not have.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -106,16 +109,12 @@ impl Disturbance {
         all.filter(|stddev| **stddev > 0.0).count()
     }
 
-    /// Coordinates of a layout that are torques of it, each with its standard deviation [N m].
-    pub(crate) fn coordinates(&self, layout: Layout) -> impl Iterator<Item = (usize, f64)> + Clone + '_ {
-        let body = layout.disturbance().zip(self.processes().flat_map(|of| of.stddev_b_n_m));
-        body.chain(layout.motors().zip(self.motors_n_m.iter().copied()))
-    }
-
-    /// The same with correlation times \[s\].
-    pub(crate) fn times(&self, layout: Layout) -> impl Iterator<Item = (usize, f64)> + Clone + '_ {
-        let body = layout.disturbance().zip(self.processes().flat_map(|of| [of.correlation_s; 3]));
-        body.chain(layout.motors().map(|i| (i, self.motors_correlation_s)))
+    /// Coordinates of a layout that are torques of it, each with its standard deviation [N m] and correlation time \[s\].
+    pub(crate) fn coordinates(&self, layout: Layout) -> impl Iterator<Item = (usize, f64, f64)> + Clone + '_ {
+        let body = self.processes().flat_map(|of| of.stddev_b_n_m.map(|stddev| (stddev, of.correlation_s)));
+        let motors = self.motors_n_m.iter().map(|stddev| (*stddev, self.motors_correlation_s));
+        let all = layout.disturbance().zip(body).chain(layout.motors().zip(motors));
+        all.map(|(i, (stddev, correlation_s))| (i, stddev, correlation_s))
     }
 }
 
@@ -134,13 +133,10 @@ impl Noise {
             disturbance: Disturbance::NONE,
         };
         let wheels: Vec<&str> = case.model().wheels().iter().map(|wheel| wheel.name.as_str()).collect();
-        let mut components = case.tracks().iter().flat_map(|track| &track.components);
+        let mut components = case.tracks.iter().flat_map(|track| &track.components);
         match components.find(|component| !noise.of(**component).is_normal()) {
             None => Ok(noise),
-            Some(component) => Err(PredictionError::NoNoise {
-                run: recording.name.clone(),
-                channel: component.name(&wheels),
-            }),
+            Some(component) => Err(Why::NoNoise(component.name(&wheels)).of(recording).into()),
         }
     }
 
@@ -172,4 +168,91 @@ impl Noise {
         };
         found.copied().unwrap_or(f64::NAN)
     }
+}
+
+/// Coordinates of an estimate's error: those of the plant ([`Tangent`]), then the disturbance torque on the body
+/// and that of each motor [N m], the biases of gyro [rad/s] and accelerometer [m/s^2], as far as there are any.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Layout {
+    /// Of the plant.
+    pub plant: Tangent,
+    disturbance: usize,
+    motors: usize,
+    gyro_bias: usize,
+    force_bias: usize,
+}
+
+impl Layout {
+    /// With so many random torques on the body, of so many motors, and the biases of the two sensors.
+    pub(crate) fn new(
+        plant: Tangent,
+        disturbances: usize,
+        motors: usize,
+        gyro_bias: bool,
+        force_bias: bool,
+    ) -> Self {
+        let three = |there| if there { 3 } else { 0 };
+        Self {
+            plant,
+            disturbance: 3 * disturbances,
+            motors,
+            gyro_bias: three(gyro_bias),
+            force_bias: three(force_bias),
+        }
+    }
+
+    /// The disturbance torques on the body, about three axes each.
+    #[must_use]
+    pub fn disturbance(&self) -> Range<usize> {
+        after(self.plant.size(), self.disturbance)
+    }
+
+    /// The disturbance torque of each motor.
+    #[must_use]
+    pub fn motors(&self) -> Range<usize> {
+        after(self.disturbance().end, self.motors)
+    }
+
+    /// Bias of the gyro.
+    #[must_use]
+    pub fn gyro_bias(&self) -> Range<usize> {
+        after(self.motors().end, self.gyro_bias)
+    }
+
+    /// Bias of the accelerometer.
+    #[must_use]
+    pub fn force_bias(&self) -> Range<usize> {
+        after(self.gyro_bias().end, self.force_bias)
+    }
+
+    /// What moves: the plant and its disturbances. The rest stays as it is, or walks.
+    #[must_use]
+    pub fn moving(&self) -> usize {
+        self.motors().end
+    }
+
+    /// Variance that each coordinate gains in a second by its own random walk.
+    pub(crate) fn walks(&self, sensors: &SensorSuite, hidden_noise: &[f64]) -> Vec<f64> {
+        let mut walks = vec![0.0; self.size()];
+        let gyro = self.gyro_bias().zip(&sensors.gyro.errors.bias_walk);
+        let force = self.force_bias().zip(&sensors.accelerometer.errors.bias_walk);
+        let all = self.plant.hidden().zip(hidden_noise).chain(gyro).chain(force);
+        all.for_each(|(i, walk)| walks[i] = walk * walk);
+        walks
+    }
+
+    /// What is not of disturbances: plant and biases.
+    pub(crate) fn own(&self) -> impl Iterator<Item = usize> + Clone {
+        (0..self.plant.size()).chain(self.moving()..self.size())
+    }
+
+    /// How many coordinates there are.
+    #[must_use]
+    pub fn size(&self) -> usize {
+        self.force_bias().end
+    }
+}
+
+fn after(start: usize, count: usize) -> Range<usize> {
+    start..start + count
 }

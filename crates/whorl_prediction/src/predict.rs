@@ -1,14 +1,16 @@
 //! A recording predicted from beginning to end.
 
-use crate::ahead::{Ahead, AheadError};
-use crate::filter::Filter;
+use nalgebra::DVector;
+use whorl_dynamics::Plant;
+use whorl_recording::Component;
+
+use crate::filter::{Filter, Likelihood};
 use crate::fitted::FittedStart;
 use crate::innovations::Innovation;
-use crate::lanes::dot;
-use crate::likelihood::Likelihood;
+use crate::inputs::commands::ns;
 use crate::noise::Noise;
 use crate::prepared::Prepared;
-use crate::rows::Readings;
+use crate::rows::{Readings, Row};
 use crate::start::Start;
 
 /// What is told while a recording is predicted, in the order of the instants.
@@ -31,16 +33,14 @@ pub fn predict(
 ) -> Likelihood {
     let mut sums = Likelihood::default();
     let mut filter = Filter::new(case, noise, start);
-    if !horizons_s.is_empty() {
-        filter = filter.claiming();
-    }
+    filter.gains.claim(horizons_s.len());
     let last = horizons_s.len().saturating_sub(1);
     let mut aheads: Vec<Ahead> =
-        horizons_s.iter().enumerate().map(|(k, h)| Ahead::new(*h, k == last)).collect();
+        horizons_s.iter().enumerate().map(|(k, horizon_s)| Ahead::new(k, *horizon_s, k == last)).collect();
     let mut readings = Readings::default();
     while filter.go() {
         for (position, ahead) in aheads.iter_mut().enumerate() {
-            ahead.follow(case, &filter, &mut readings, &mut |error| told(Told::Ahead(position, error)));
+            ahead.follow(&filter, &mut readings, &mut |error| told(Told::Ahead(position, error)));
         }
         filter.read();
         filter.take_in(&mut |innovation| {
@@ -50,9 +50,7 @@ pub fn predict(
         if filter.is_lost() {
             break;
         }
-        for ahead in &mut aheads {
-            ahead.begin(&filter);
-        }
+        aheads.iter_mut().for_each(|ahead| ahead.begin(&mut filter));
     }
     sums.lost = filter.is_lost();
     sums
@@ -72,11 +70,108 @@ pub fn simulate(
         filter.read();
         let (readings, covariance) = (&filter.readings, &filter.gains.covariance);
         for (r, row) in readings.rows.iter().enumerate() {
-            let by_state = readings.by_state.row(r);
-            let of_state: f64 = by_state.iter().map(|(i, by)| by * dot(by_state, covariance.row(*i))).sum();
-            let variance = of_state + readings.variances[r];
+            let variance = covariance.variance(readings.by_state.row(r)) + readings.variances[r];
             told(&AheadError::of(row, filter.mean.plant.now_ns(), variance, false));
         }
     }
     !filter.is_lost()
+}
+
+pub(crate) struct Ahead {
+    /// Of the covariances that go along ([`crate::gains::Gains::ahead`]).
+    position: usize,
+    horizon_ns: i64,
+    /// Every reading on the way is told, not only those at the horizon.
+    is_shown: bool,
+    stretch: Option<Stretch>,
+}
+
+struct Stretch {
+    plant: Plant,
+    event: usize,
+    /// Biases as they were; no disturbance.
+    beside: DVector<f64>,
+    from_ns: i64,
+}
+
+/// The error of a prediction ahead.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AheadError {
+    /// Instant, component, sample, error and its deviation as the model alone claims it, without disturbances.
+    pub error: Innovation,
+    /// What was read, in the channel's unit; of a direction NaN.
+    pub reading: f64,
+    /// Whether it is the sensor's last reading within the horizon.
+    pub is_at_horizon: bool,
+}
+
+impl AheadError {
+    /// Of a reading at this instant \[ns\], whose error has this variance.
+    pub(crate) fn of(row: &Row, at_ns: i64, variance: f64, is_at_horizon: bool) -> Self {
+        let (component, sample, value): (Component, usize, f64) = (row.component, row.sample, row.value);
+        let error =
+            Innovation { time_s: at_ns as f64 * 1e-9, component, sample, value, stddev: variance.sqrt() };
+        Self { error, reading: row.reading, is_at_horizon }
+    }
+}
+
+impl Ahead {
+    pub fn new(position: usize, horizon_s: f64, is_shown: bool) -> Self {
+        Self { position, horizon_ns: ns(horizon_s).max(1), is_shown, stretch: None }
+    }
+
+    /// A filter has gone to the next instant and not yet taken in what is due there.
+    pub fn follow(
+        &mut self,
+        filter: &Filter<'_>,
+        readings: &mut Readings,
+        told: &mut dyn FnMut(&AheadError),
+    ) {
+        let Some(stretch) = &mut self.stretch else { return };
+        let (mean, gains, case) = (&filter.mean, &filter.gains, filter.mean.case);
+        let now_ns = mean.plant.now_ns();
+        let end_ns = stretch.from_ns + self.horizon_ns;
+        if now_ns > end_ns {
+            self.stretch = None;
+            return;
+        }
+        let is_at_horizon = |track: usize, sample: usize| {
+            let following = case.tracks.get(track).and_then(|track| track.instant_ns(sample + 1));
+            following.is_some_and(|next_ns| next_ns > end_ns)
+        };
+        if !(self.is_shown || mean.due.iter().any(|(track, sample)| is_at_horizon(*track, *sample))) {
+            return;
+        }
+        if !case.commands.run_to(&mut stretch.plant, &mut stretch.event, now_ns) {
+            self.stretch = None;
+            return;
+        }
+        stretch.plant.average_readings(case.mean_inputs(now_ns));
+        mean.read_of(&stretch.plant, stretch.beside.as_slice(), Some(&gains.linearised), readings);
+        for (r, row) in readings.rows.iter().enumerate() {
+            let is_at_horizon = is_at_horizon(row.track, row.sample);
+            if self.is_shown || is_at_horizon {
+                let of_state = gains.ahead[self.position].variance(readings.by_state.row(r));
+                let variance = of_state + readings.variances[r];
+                told(&AheadError::of(row, now_ns, variance, is_at_horizon));
+            }
+        }
+    }
+
+    /// A filter has taken in what was due: begins where the last prediction has ended.
+    pub fn begin(&mut self, filter: &mut Filter<'_>) {
+        let mean = &filter.mean;
+        let now_ns = mean.plant.now_ns();
+        // The next stretch begins with the first reading that is not before the end of this one.
+        if self.stretch.as_ref().is_some_and(|stretch| now_ns < stretch.from_ns + self.horizon_ns) {
+            return;
+        }
+        let layout = mean.layout;
+        let mut beside = mean.beside.clone();
+        let mut plant = mean.plant.clone();
+        plant.clear_disturbances();
+        beside.rows_range_mut(layout.plant.size()..layout.moving()).fill(0.0);
+        self.stretch = Some(Stretch { plant, event: mean.event, beside, from_ns: now_ns });
+        filter.gains.begin_ahead(self.position);
+    }
 }

@@ -1,15 +1,11 @@
-//! All readings of a recording in the order of the instants that they show.
-//!
-//! A reading stamped t of a sensor with latency L shows the motion at t - L. In the order of these instants a filter needs
-//! no states for what is late, and stays causal: a command at time u follows from readings stamped at or before u, which
-//! show instants at or before u and have been taken in before.
+//! All readings of a recording in the order of the instants that they show (METHOD.md, "Readings").
 
-use crate::inputs::commands::ns;
 use nalgebra::Vector3;
 use whorl_dynamics::platform::SensorSuite;
 use whorl_recording::{Channel, ChannelSeries, Component, Recording};
 
-/// One sensor's readings.
+use crate::inputs::commands::ns;
+
 pub(crate) struct Track<'a> {
     pub channel: Channel,
     pub sensor: usize,
@@ -38,7 +34,6 @@ impl Track<'_> {
         self.series.number(k, index).filter(|y| y.is_finite() && y.abs() < self.range)
     }
 
-    /// Three numbers of sample `k`.
     pub fn vector(&self, k: usize) -> Option<Vector3<f64>> {
         let [x, y, z] = [0, 1, 2].map(|i| self.series.number(k, i).filter(|y| y.is_finite()));
         Some(Vector3::new(x?, y?, z?))

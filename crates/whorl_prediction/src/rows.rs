@@ -3,12 +3,11 @@
 use nalgebra::{Unit, Vector3};
 use whorl_dynamics::Plant;
 use whorl_dynamics::plant::{LinearisedPlant, ROTATION};
+use whorl_math::lanes::Sparse;
 use whorl_math::{quaternion_exp, unit_or};
 use whorl_recording::{Channel, Component};
 
-use crate::lanes::Sparse;
-use crate::layout::Layout;
-use crate::noise::Noise;
+use crate::noise::{Layout, Noise};
 use crate::prepared::Prepared;
 use crate::readings::Track;
 
@@ -32,7 +31,6 @@ pub(crate) struct Row {
 }
 
 impl Row {
-    /// Of a reading of this instant.
     pub fn now(component: Component, track: usize, sample: usize, reading: f64, value: f64) -> Self {
         let (axis, lag_s, lag_squared_s2) = (Vector3::zeros(), 0.0, 0.0);
         Self { component, track, sample, reading, value, last: value, axis, lag_s, lag_squared_s2 }
@@ -45,18 +43,17 @@ pub(crate) struct Readings {
     pub rows: Vec<Row>,
     /// Derivatives of the readings by the state's coordinates, a row each; none: nobody asked.
     pub by_state: Sparse,
-    /// Variances of the readings themselves.
     pub variances: Vec<f64>,
 }
 
 impl Readings {
-    fn clear(&mut self) {
+    pub fn clear(&mut self) {
         self.rows.clear();
         self.by_state.clear();
         self.variances.clear();
     }
 
-    fn push(&mut self, row: Row, variance: f64) {
+    pub fn push(&mut self, row: Row, variance: f64) {
         self.rows.push(row);
         self.variances.push(variance);
         self.by_state.end_row();
@@ -74,11 +71,10 @@ pub(crate) struct Seen<'a> {
 }
 
 impl Seen<'_> {
-    /// Reads these tracks and samples now.
     pub fn read(&self, due: &[(usize, usize)], to: &mut Readings) {
         to.clear();
         let inertial = |track: &Track<'_>| matches!(track.channel, Channel::Gyro | Channel::Accelerometer);
-        let tracks = self.case.tracks();
+        let tracks = &self.case.tracks;
         let any = due.iter().filter_map(|(position, _)| tracks.get(*position)).any(inertial);
         let imu = if any { self.plant.imu_reading() } else { Default::default() };
         for (position, sample) in due {
@@ -164,6 +160,81 @@ impl Seen<'_> {
             let (component, value) = (*component, off.dot(&axis));
             let row = Row { axis, ..Row::now(component, position, sample, f64::NAN, value) };
             to.push(row, self.noise.of(component).powi(2));
+        }
+    }
+}
+
+/// Sums of readings of a cell less their predictions, on the way to its end, one for each component.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Collected(Vec<Sum>);
+
+#[derive(Debug, Clone)]
+struct Sum {
+    /// Of values and lags, of which the samples are the last.
+    row: Row,
+    count: f64,
+    /// The same of directions, sensor axes.
+    along: Vector3<f64>,
+}
+
+impl Collected {
+    pub fn clear(&mut self) {
+        self.0.clear();
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Adds what was read so long before the end \[s\].
+    pub fn add(&mut self, readings: &Readings, lag_s: f64) {
+        for row in &readings.rows {
+            let lags = Row { lag_s, lag_squared_s2: lag_s * lag_s, ..*row };
+            let along = row.axis * row.value;
+            match self.0.iter_mut().find(|sum| sum.row.component == row.component) {
+                None => self.0.push(Sum { row: lags, count: 1.0, along }),
+                Some(Sum { row: sum, count, along: all }) => {
+                    sum.sample = row.sample;
+                    sum.value += row.value;
+                    sum.lag_s += lag_s;
+                    sum.lag_squared_s2 += lags.lag_squared_s2;
+                    *count += 1.0;
+                    *all += along;
+                }
+            }
+        }
+    }
+
+    /// The last of each sensor: track and sample.
+    pub fn last(&self, due: &mut Vec<(usize, usize)>) {
+        due.clear();
+        for Sum { row, .. } in &self.0 {
+            match due.iter_mut().find(|(track, _)| *track == row.track) {
+                Some((_, sample)) => *sample = row.sample.max(*sample),
+                None => due.push((row.track, row.sample)),
+            }
+        }
+        due.sort_unstable();
+    }
+
+    /// Means in the place of the last of each.
+    pub fn put(&self, readings: &mut Readings) {
+        for (row, variance) in readings.rows.iter_mut().zip(&mut readings.variances) {
+            let Some(Sum { row: sum, count, .. }) =
+                self.0.iter().find(|sum| sum.row.component == row.component)
+            else {
+                continue;
+            };
+            let of_track = || self.0.iter().filter(|other| other.row.track == sum.track);
+            let is_direction = row.axis != Vector3::zeros();
+            let value = if is_direction {
+                of_track().map(|other| other.along.dot(&row.axis)).sum()
+            } else {
+                sum.value
+            };
+            row.value = value / count;
+            *variance /= count;
+            (row.lag_s, row.lag_squared_s2) = (sum.lag_s / count, sum.lag_squared_s2 / count);
         }
     }
 }

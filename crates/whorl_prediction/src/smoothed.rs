@@ -3,14 +3,12 @@
 use crate::inputs::commands::ns;
 use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion, Vector3};
 use whorl_dynamics::plant::{RATE, ROTATION};
-use whorl_math::quaternion_exp;
 
+use crate::blocks::Said;
 use crate::columns::Columns;
 use crate::filter::Filter;
-use crate::layout::Layout;
 use crate::noise::Noise;
 use crate::prepared::Prepared;
-use crate::since::Since;
 use crate::start::Start;
 
 /// Memory for a run's states at most, whatever its length \[bytes\].
@@ -43,15 +41,34 @@ pub struct SmoothedState {
     pub motor_torque_stddev_n_m: Vec<f64>,
 }
 
+/// What readings say of the state at an instant before them: with x and P the filter's state and covariance there, before these readings, they move
+/// the state to x + P `slope` and leave P - P `information` P.
+struct Later {
+    /// How an error of the filter at the instant moves to the present, readings included: present by instant.
+    transition: DMatrix<f64>,
+    /// Sum of a e/S, a = d reading/d state at the instant, through the filter's gains in between.
+    slope: DVector<f64>,
+    information: DMatrix<f64>,
+}
+
+impl Later {
+    fn none(size: usize) -> Self {
+        let (slope, information) = (DVector::zeros(size), DMatrix::zeros(size, size));
+        Self { transition: DMatrix::identity(size, size), slope, information }
+    }
+
+    fn of(columns: Columns<'_>, size: usize) -> Self {
+        let transition = DMatrix::from_fn(size, size, |i, k| columns.blocks.at(i, k));
+        let Said { slope, information, .. } = columns.blocks.said();
+        Self { transition, slope, information }
+    }
+}
+
 /// The filter's state at an instant, and what the readings to the next one say of it.
 struct Node {
     time_s: f64,
-    q_world_body: UnitQuaternion<f64>,
-    omega_wb_b_rad_s: Vector3<f64>,
-    wheel_speed_rad_s: Vec<f64>,
-    beside: DVector<f64>,
-    covariance: DMatrix<f64>,
-    since: Since,
+    state: Start,
+    later: Later,
 }
 
 /// States every `every_s` seconds, at instants at which anything was read, and further apart where the run is so long that they would
@@ -83,7 +100,7 @@ pub fn smoothed(
         due_ns = now_ns.saturating_add(every_ns);
         let before = filter.columns.replace(Columns::since_now(start.layout));
         if let Some((node, columns)) = nodes.last_mut().zip(before) {
-            node.since = columns.since();
+            node.later = Later::of(columns, size);
         }
         nodes.push(Node::of(&filter, size));
     }
@@ -91,12 +108,12 @@ pub fn smoothed(
         return None;
     }
     if let Some((node, columns)) = nodes.last_mut().zip(filter.columns.take()) {
-        node.since = columns.since();
+        node.later = Later::of(columns, size);
     }
     let free = case.model().freedom.projection();
-    let (mut states, mut later) = (Vec::with_capacity(nodes.len()), Since::none(size));
+    let (mut states, mut later) = (Vec::with_capacity(nodes.len()), Later::none(size));
     while let Some(node) = nodes.pop() {
-        let (state, all) = node.smoothed(start.layout, later, &free);
+        let (state, all) = node.smoothed(&later, &free);
         states.push(state);
         later = all;
     }
@@ -113,54 +130,44 @@ fn longest_apart_s(case: &Prepared<'_>, size: usize) -> f64 {
 impl Node {
     fn of(filter: &Filter<'_>, size: usize) -> Self {
         let state = filter.mean.plant.state();
-        Self {
-            time_s: filter.mean.plant.now_ns() as f64 * 1e-9,
+        let state = Start {
+            layout: filter.mean.layout,
             q_world_body: state.q_world_body,
             omega_wb_b_rad_s: state.omega_wb_b_rad_s,
             wheel_speed_rad_s: state.wheel_speed_rad_s().to_vec(),
+            hidden: Vec::new(),
             beside: filter.mean.beside.clone(),
             covariance: filter.gains.covariance.matrix(size, size),
-            since: Since::none(size),
-        }
+        };
+        Self { time_s: filter.mean.plant.now_ns() as f64 * 1e-9, state, later: Later::none(size) }
     }
 
     /// The state with what all readings behind it say, and what these say, that behind the next node included.
-    fn smoothed(self, layout: Layout, later: Since, free: &Matrix3<f64>) -> (SmoothedState, Since) {
-        let all = self.since.and(&later);
-        let p = &self.covariance;
-        let change = p * &all.slope;
+    fn smoothed(self, later: &Later, free: &Matrix3<f64>) -> (SmoothedState, Later) {
+        let mut all = self.later;
+        all.slope.gemv_tr(1.0, &all.transition, &later.slope, 1.0);
+        all.information += all.transition.transpose() * &later.information * &all.transition;
+        let (p, layout) = (&self.state.covariance, self.state.layout);
         let covariance = p - p * &all.information * p;
+        let state = self.state.moved(&(p * &all.slope));
         let stddev = |i: usize| covariance[(i, i)].max(0.0).sqrt();
-        let three = |from: usize| Vector3::from_fn(|i, _| change[from + i]);
-        let wheels = layout.plant.wheels();
-        let torque = layout.disturbance();
-        let (torque_b_n_m, torque_covariance_b) = if torque.is_empty() {
-            (Vector3::zeros(), Matrix3::zeros())
-        } else {
-            let processes = || torque.clone().step_by(3);
-            let mean = |from: usize| Vector3::from_fn(|i, _| self.beside[from + i] + change[from + i]);
-            let of = |(from, to)| -> Matrix3<f64> { covariance.fixed_view::<3, 3>(from, to).into() };
-            let pairs = processes().flat_map(|from| processes().map(move |to| (from, to)));
-            let mean: Vector3<f64> = processes().map(mean).sum();
-            let of: Matrix3<f64> = pairs.map(of).sum();
-            (free * mean, free * of * free.transpose())
-        };
+        let processes = || layout.disturbance().step_by(3);
+        let torque: Vector3<f64> =
+            processes().map(|from| Vector3::from_fn(|i, _| state.beside[from + i])).sum();
+        let pairs = processes().flat_map(|from| processes().map(move |to| (from, to)));
+        let of_torque: Matrix3<f64> =
+            pairs.map(|pair| Matrix3::from(covariance.fixed_view::<3, 3>(pair.0, pair.1))).sum();
         let state = SmoothedState {
             time_s: self.time_s,
-            q_world_body: self.q_world_body * quaternion_exp(&three(ROTATION.start)),
+            q_world_body: state.q_world_body,
             attitude_stddev_b_rad: Vector3::from_fn(|i, _| stddev(ROTATION.start + i)),
-            omega_wb_b_rad_s: self.omega_wb_b_rad_s + three(RATE.start),
+            omega_wb_b_rad_s: state.omega_wb_b_rad_s,
             omega_stddev_b_rad_s: Vector3::from_fn(|i, _| stddev(RATE.start + i)),
-            wheel_speed_rad_s: self
-                .wheel_speed_rad_s
-                .iter()
-                .zip(wheels.clone())
-                .map(|(x, i)| x + change[i])
-                .collect(),
-            wheel_speed_stddev_rad_s: wheels.map(stddev).collect(),
-            torque_b_n_m,
-            torque_covariance_b,
-            motor_torque_n_m: layout.motors().map(|i| self.beside[i] + change[i]).collect(),
+            wheel_speed_rad_s: state.wheel_speed_rad_s,
+            wheel_speed_stddev_rad_s: layout.plant.wheels().map(stddev).collect(),
+            torque_b_n_m: free * torque,
+            torque_covariance_b: free * of_torque * free.transpose(),
+            motor_torque_n_m: layout.motors().map(|i| state.beside[i]).collect(),
             motor_torque_stddev_n_m: layout.motors().map(stddev).collect(),
         };
         (state, all)

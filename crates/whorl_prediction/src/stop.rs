@@ -51,9 +51,5 @@ impl Stop {
 
 /// Obeys what was said to this thread, if anything was.
 pub(crate) fn obey() {
-    STOP.with_borrow(|stop| {
-        if let Some(stop) = stop {
-            stop.obey();
-        }
-    });
+    STOP.with_borrow(|stop| stop.iter().for_each(Stop::obey));
 }

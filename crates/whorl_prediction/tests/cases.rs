@@ -9,7 +9,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use whorl_dynamics::platform::{TiltLimit, Wheel};
 use whorl_dynamics::{Freedom, MassProperties, PlatformModel};
-use whorl_prediction::{Fitted, Parameter, PredictionError, Prepared, Settings, fit};
+use whorl_prediction::{Fitted, Parameter, PredictionError, Prepared, Rival, Settings, fit};
 use whorl_recording::{Mounting, Recording, Series, VectorChannel};
 
 /// The most that one of a few dozen estimates is off, in its own deviations, by chance.
@@ -101,7 +101,9 @@ impl Held {
             Some(model)
         };
         let free = [Parameter { stddev: f64::INFINITY, range: (-0.95, 2.0) }];
-        let found = fit(&runs, &free, &model_at, &[vec![WRONG], vec![-WRONG]], &Settings::default()).unwrap();
+        let found =
+            fit(&runs, &free, &model_at, &[vec![WRONG], vec![-WRONG]], Rival::NONE, &Settings::default())
+                .unwrap();
         (1.0 + found.at[0], stddev(&found, 0))
     }
 }
@@ -244,8 +246,15 @@ impl Pendulum {
         let known = Parameter { stddev: 1.0, range: (-5.0, 5.0) };
         let friction = Parameter { stddev: 1.0, range: (0.0, 20.0) };
         let runs = [self.swing(seed)];
-        let found =
-            fit(&runs, &[known, known, friction], &model_at, &[vec![0.0; 3]], &Settings::default()).unwrap();
+        let found = fit(
+            &runs,
+            &[known, known, friction],
+            &model_at,
+            &[vec![0.0; 3]],
+            Rival::NONE,
+            &Settings::default(),
+        )
+        .unwrap();
         assert!(found.log_posterior >= found.log_posterior_before, "{self:?}");
         let scale = unit_n_m_s / self.friction_n_m_s;
         (found.at[2] * scale, stddev(&found, 2) * scale)

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use rand_distr::{Distribution, Uniform};
 use rand_pcg::Pcg64;
 use table::{TABLE, Table};
-use whorl_prediction::{Parameter, Settings, fit};
+use whorl_prediction::{Parameter, Rival, Settings, fit};
 
 /// One in a hundred of a normal variable is larger.
 const ONE_IN_A_HUNDRED: f64 = 2.326;
@@ -37,7 +37,9 @@ fn found(seed: u64) -> (Table, f64) {
         Some(model)
     };
     let free = [Parameter { stddev: f64::INFINITY, range: (0.0, 5.0) }];
-    let fitted = fit(&[table.turned(seed).0], &free, &model_at, &[vec![0.0]], &Settings::default()).unwrap();
+    let fitted =
+        fit(&[table.turned(seed).0], &free, &model_at, &[vec![0.0]], Rival::NONE, &Settings::default())
+            .unwrap();
     (table, fitted.at[0] / fitted.covariance[(0, 0)].sqrt())
 }
 

@@ -10,8 +10,8 @@ use nalgebra::Vector3;
 use rigs::Draw;
 use whorl_dynamics::{MassProperties, PlatformModel};
 use whorl_prediction::{
-    CELL_S, Fitted, FrozenGains, Noise, Parameter, Prepared, Settings, Told, Varied, fit, fitted_start,
-    frozen_gains, innovations, likelihood, longest_cell_s, predict, sensitivities,
+    CELL_S, Fitted, FrozenGains, Noise, Parameter, Prepared, Rival, Settings, Told, Varied, fit,
+    fitted_start, frozen_gains, innovations, likelihood, longest_cell_s, predict, sensitivities,
 };
 
 /// What of a rig is uncertain, each in standard deviations of what is known before.
@@ -77,7 +77,9 @@ fn estimates(seed: u64, settings: &[Settings]) -> (Vec<Fitted>, Vec<f64>, String
     let all = settings.iter().map(|settings| {
         let settings =
             &Settings { cell_s: longest_cell_s(&recordings, &rig.model, settings).unwrap(), ..*settings };
-        let found = fit(&recordings, &parameters, &model_at, std::slice::from_ref(&from), settings).unwrap();
+        let found =
+            fit(&recordings, &parameters, &model_at, std::slice::from_ref(&from), Rival::NONE, settings)
+                .unwrap();
         assert!(found.log_posterior >= found.log_posterior_before, "{}", rig.what);
         found
     });
@@ -116,7 +118,7 @@ fn costs_differ(seed: u64) -> Vec<f64> {
     let model_at = |at: &[f64]| moved(&rig.model, at);
     let recordings = [rig.recording];
     let from = vec![0.0; parameters.len()];
-    let found = fit(&recordings, &parameters, &model_at, &[from], &Settings::default()).unwrap();
+    let found = fit(&recordings, &parameters, &model_at, &[from], Rival::NONE, &Settings::default()).unwrap();
     let (noise, start) = (&found.followed[0].noise, &found.followed[0].fitted.start);
     // Where derivatives that are held are made anew depends on the model: a jump of what the whole filter says, and no difference.
     let settings = Settings { derivatives_held: 0.0, ..Settings::default() };

@@ -7,7 +7,7 @@ mod rigs;
 use std::collections::BTreeMap;
 
 use whorl_dynamics::PlatformModel;
-use whorl_prediction::{Fitted, Parameter, Rival, Settings, fit, fit_beside};
+use whorl_prediction::{Fitted, Parameter, Rival, Settings, fit};
 use whorl_recording::Recording;
 
 /// The model with a sloshing mass of this share, which has hidden states, or with none of it.
@@ -33,9 +33,9 @@ fn fitted(run: &Recording, model: &PlatformModel, sloshes: bool, rival: Option<&
     let found = match rival {
         Some(rival) => {
             let rival = Rival { followed: &rival.followed, log_posterior_needed: f64::NEG_INFINITY };
-            fit_beside(std::slice::from_ref(run), &parameters, &model_at, &starts, rival, &settings)
+            fit(std::slice::from_ref(run), &parameters, &model_at, &starts, rival, &settings)
         }
-        None => fit(std::slice::from_ref(run), &parameters, &model_at, &starts, &settings),
+        None => fit(std::slice::from_ref(run), &parameters, &model_at, &starts, Rival::NONE, &settings),
     };
     found.unwrap()
 }

@@ -39,8 +39,8 @@ pub use data::{Collector, RunData};
 pub use events::{Happening, happenings, mode_name};
 pub use explanation::{
     Drawn, Facts, NextPage, PathPart, PlannedMotion, adoption_figures, adoption_html, comparison_figures,
-    comparison_html, diagnosis_figures, diagnosis_html, discovery_figures, discovery_html,
-    localisation_figures, localisation_html, next_html, path_html, trends_html,
+    comparison_html, diagnosis_figures, diagnosis_html, discovery_html, localisation_figures,
+    localisation_html, next_html, path_html, trends_html,
 };
 pub use index::{IndexRow, IndexedCampaign, index_html};
 pub use live::live_html;

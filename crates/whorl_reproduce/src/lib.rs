@@ -11,6 +11,7 @@ pub mod comparison;
 mod data;
 pub mod dual;
 mod filters;
+mod gaussianity;
 mod identification;
 mod identification_sentences;
 mod noise_map;

@@ -1,7 +1,7 @@
 //! Figures 4.7-4.9.
 
 use nalgebra::Vector3;
-use whorl_calibration::{CalibrationSettings, calibrate_imu, chi_squared_test};
+use whorl_calibration::{CalibrationSettings, calibrate_imu};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::platform::SensorSuite;
 use whorl_math::GRAVITY_M_S2;
@@ -10,6 +10,7 @@ use whorl_recording::Recording;
 use whorl_report::{ReproducedPlot, Reproduction};
 
 use crate::data::Noise;
+use crate::gaussianity::{Bin, chi_squared_test};
 
 /// Length of a position \[s\] and samples a second.
 const POSITION_S: f64 = 10.0;
@@ -228,7 +229,7 @@ pub fn histogram() -> Reproduction {
         .map(|_| gyro.reading(&Vector3::zeros(), &gyro.bias, &noise.vector()).x.to_degrees())
         .collect();
     let Some(test) = chi_squared_test(&samples, 0.01) else { return Reproduction::default() };
-    let bars = |of: &dyn Fn(&whorl_calibration::Bin) -> f64| {
+    let bars = |of: &dyn Fn(&Bin) -> f64| {
         let inner = test.bins.iter().filter(|b| b.from.is_finite() && b.to.is_finite());
         inner.flat_map(|b| [(b.from, of(b)), (b.to, of(b))]).collect::<Vec<_>>()
     };

@@ -4,8 +4,6 @@ use thiserror::Error;
 use whorl_prediction::PredictionError;
 use whorl_prediction::Refusal;
 
-use crate::dependence::DependenceError;
-
 /// Why a recording cannot be compared with a model, with advice.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ValidationError {
@@ -13,12 +11,12 @@ pub enum ValidationError {
     #[error(transparent)]
     Refused(#[from] Refusal),
     /// The residual torque is too short for a regression.
-    #[error("{run}: {error}; record a longer run")]
-    Dependence {
-        /// Name of the run.
+    #[error("{run}: {given} values of the residual torque are too few; record a longer run")]
+    TooShort {
+        /// Names of the runs.
         run: String,
-        /// Why not.
-        error: DependenceError,
+        /// Values given.
+        given: usize,
     },
     /// The motion of the model does not stay finite.
     #[error(

@@ -5,14 +5,18 @@ use serde::Serialize;
 use whorl_dynamics::PlatformModel;
 use whorl_math::three_digits;
 use whorl_prediction::SmoothedState;
-use whorl_recording::Recording;
+use whorl_recording::{Channel, Recording};
 
 use crate::dependence::{
-    Dependence, Dependences, Frame, Growth, Parity, Residual, Variable, conditions, dependences,
+    Dependence, Dependences, Frame, RATE_ABOUT_SAME_AXIS, Residual, Variable, dependences, range,
 };
 use crate::error::ValidationError;
+use crate::quantities::{Quantity, environment, quantities};
+use crate::shapes::{Growth, Parity};
 use crate::unexplained::UnexplainedTorques;
 
+/// Fewest values of a residual.
+const FEWEST_VALUES: usize = 20;
 /// Excess over the noise below which there is nothing to locate.
 const LEAST_EXCESS: f64 = 0.05;
 /// Quantities named in words.
@@ -26,9 +30,13 @@ const TIME_MARGIN: f64 = 0.25;
 const CONSTANT_OF_BEST: f64 = 0.75;
 /// Shares of a constant torque in two frames that differ by less do not tell the frames apart.
 const CONSTANT_MARGIN: f64 = 0.07;
-
 /// Share of a torque's size beyond which it is about one axis.
 const ABOUT_ONE: f64 = 0.95;
+/// Standard deviations of a smoothed quantity within which it counts as constant, and the share of its largest size of what is not smoothed.
+const CONSTANT_STDDEVS: f64 = 4.0;
+const CONSTANT_SHARE: f64 = 1e-3;
+/// Of a turn: an angle that varies by less counts as constant.
+const CONSTANT_ANGLE_RAD: f64 = 0.3;
 
 /// Where a model fails in one run, or in several together.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -73,30 +81,34 @@ pub fn explain_where(
 ) -> Result<Localisation, ValidationError> {
     let names: Vec<&str> = runs.iter().map(|(_, torques)| torques.run.as_str()).collect();
     let run = names.join(", ");
-    let dependences_of = |residual: &dyn Fn(&UnexplainedTorques) -> Option<Residual>| {
-        let of = |(recording, torques): &WithTorques<'_>| {
-            Some((residual(torques)?, conditions(recording, model, &torques.states)))
-        };
-        let (residuals, variables): (Vec<Residual>, Vec<Vec<Variable>>) = runs.iter().filter_map(of).unzip();
-        if residuals.is_empty() {
-            return Ok(None);
-        }
-        match dependences(&residuals, &variables) {
-            Ok(found) => Ok(Some(found).filter(|found| found.excess >= LEAST_EXCESS)),
-            Err(error) => Err(ValidationError::Dependence { run: run.clone(), error }),
+    let shown = |is_shown: &dyn Fn(&UnexplainedTorques) -> bool| -> Vec<WithTorques<'_>> {
+        runs.iter().copied().filter(|(_, torques)| is_shown(torques)).collect()
+    };
+    let of = |residual: Residual, shown: &[WithTorques<'_>]| match residual.torques.len() {
+        0 => Ok(None),
+        given if given < FEWEST_VALUES => Err(ValidationError::TooShort { run: run.clone(), given }),
+        _ => {
+            let found = dependences(&residual, &variables(shown, model));
+            Ok(Some(found).filter(|found| found.excess >= LEAST_EXCESS))
         }
     };
-    let times = |torques: &UnexplainedTorques| torques.states.iter().map(|state| state.time_s).collect();
-    let of_body = |torques: &UnexplainedTorques| {
-        let noise = torques.noise_of_body(model);
-        let of: Vec<_> = torques.states.iter().map(|state| state.torque_b_n_m).collect();
-        let attitudes: Vec<_> = torques.states.iter().map(|state| state.q_world_body).collect();
-        let pushes = torques.levels.body_stddev_b_n_m().iter().any(|level| *level > 0.0);
-        pushes.then(|| match model.freedom.hinge_axis_b() {
-            Some(axis_b) => Residual::on_hinge(times(torques), &of, &noise, &axis_b),
-            None => Residual::of_body(times(torques), &of, &noise, &attitudes),
-        })
-    };
+    let hinge_b = model.freedom.hinge_axis_b().map(|axis| axis.into_inner());
+    let mut on_body = Residual::new(hinge_b.map_or(Frame::Body, |_| Frame::Hinge));
+    let pushed = shown(&|torques| torques.levels.body_stddev_b_n_m().iter().any(|level| *level > 0.0));
+    for (_, torques) in &pushed {
+        for (state, noise) in torques.states.iter().zip(torques.noise_of_body(model)) {
+            let torque = &state.torque_b_n_m;
+            match hinge_b {
+                Some(axis) => {
+                    let variance = axis.dot(&(noise * axis));
+                    on_body.push_about_one((axis.dot(torque), variance.max(0.0).sqrt()));
+                }
+                None => {
+                    on_body.push_on_body(torque, &noise, state.q_world_body.to_rotation_matrix().matrix())
+                }
+            }
+        }
+    }
     // Root mean square over all runs.
     let rms = |of: &dyn Fn(&SmoothedState) -> Option<f64>| {
         let values = runs.iter().flat_map(|(_, torques)| &torques.states).filter_map(of);
@@ -105,15 +117,15 @@ pub fn explain_where(
     };
     let mut motors = Vec::new();
     for (j, wheel) in model.wheels().iter().enumerate() {
-        let of_motor = |torques: &UnexplainedTorques| {
-            let motor = torques.motor(j);
-            (!motor.is_empty()).then(|| Residual::of_motor(times(torques), motor))
-        };
+        let mut residual = Residual::new(Frame::Wheel);
+        let pushed = shown(&|torques| !torques.motor(j).is_empty());
+        let all = pushed.iter().flat_map(|(_, torques)| torques.motor(j));
+        all.for_each(|torque| residual.push_about_one(torque));
         motors.push(OfMotor {
             wheel: wheel.name.clone(),
             rms_n_m: rms(&|state| state.motor_torque_n_m.get(j).copied()),
             stddev_n_m: rms(&|state| state.motor_torque_stddev_n_m.get(j).copied()),
-            dependences: dependences_of(&of_motor)?,
+            dependences: of(residual, &pushed)?,
         });
     }
     let remarks =
@@ -125,11 +137,55 @@ pub fn explain_where(
         rms_b_n_m: [0, 1, 2].map(|i| rms(&|state| Some(state.torque_b_n_m[i]))),
         stddev_b_n_m: [0, 1, 2]
             .map(|i| rms(&|state| Some(state.torque_covariance_b[(i, i)].max(0.0).sqrt()))),
-        dependences: dependences_of(&of_body)?,
+        dependences: of(on_body, &pushed)?,
         remarks: remarks.map(of_run).collect(),
         run,
         motors,
     })
+}
+
+/// The quantities that vary in these runs, one run after the other: tilt, rates and wheel speeds as they were smoothed, since noise would blur
+/// sharp curves.
+fn variables(runs: &[WithTorques<'_>], model: &PlatformModel) -> Vec<Variable> {
+    let states =
+        || runs.iter().flat_map(|(run, torques)| torques.states.iter().map(move |state| (run, state)));
+    let mut all: Vec<Variable> = Vec::new();
+    for quantity in quantities(model, runs.iter().map(|(recording, _)| *recording)) {
+        let number = |(recording, state): (&&Recording, &SmoothedState)| {
+            let motion = (state.q_world_body, state.omega_wb_b_rad_s);
+            let here = environment(model, recording, state.time_s, motion, &state.wheel_speed_rad_s);
+            quantity.sense() * quantity.number(&here)
+        };
+        let values: Vec<f64> = states().map(number).collect();
+        let squares: f64 = states().map(|(_, state)| resolution(&quantity, state).powi(2)).sum();
+        let (low, high) = range(&values);
+        let Some(scale) = quantity.scale((low, high)) else { continue };
+        let constant = (squares / values.len() as f64).sqrt() + CONSTANT_SHARE * scale.1;
+        if values.iter().all(|x| x.is_finite()) && high - low > constant {
+            all.push(Variable { quantity, values: vec![values], scale });
+        }
+    }
+    if let Some(mut rate) = all.iter().find(|variable| variable.quantity.name == "rate").cloned() {
+        let about = |i: usize| states().map(|(_, state)| state.omega_wb_b_rad_s[i]).collect();
+        rate.quantity.name = RATE_ABOUT_SAME_AXIS.to_owned();
+        all.push(Variable { values: [0, 1, 2].map(about).to_vec(), ..rate });
+    }
+    all
+}
+
+/// Change of a quantity that may be noise.
+fn resolution(quantity: &Quantity, state: &SmoothedState) -> f64 {
+    let of_channel = || {
+        let channel = Channel::ALL.iter().find(|channel| channel.info().key == quantity.name);
+        channel.and_then(|channel| channel.info().resolution).unwrap_or(0.0)
+    };
+    match quantity.unit {
+        _ if quantity.is_angle() => CONSTANT_ANGLE_RAD,
+        "1" | "rad" => CONSTANT_STDDEVS * state.attitude_stddev_b_rad.max(),
+        "rad/s" if quantity.name.ends_with("rate") => CONSTANT_STDDEVS * state.omega_stddev_b_rad_s.max(),
+        "rad/s" => CONSTANT_STDDEVS * state.wheel_speed_stddev_rad_s.iter().copied().fold(0.0, f64::max),
+        _ => of_channel(),
+    }
 }
 
 impl Localisation {
@@ -182,15 +238,6 @@ fn named(found: &Dependences) -> Vec<String> {
     let is_named =
         |d: &&Dependence| d.share > least && (d.variable != "time" || d.share > other + TIME_MARGIN);
     sentences.extend(found.ranked.iter().filter(is_named).take(NAMED).map(sentence));
-    if let Some(line) = found.line {
-        sentences.push(format!(
-            "An oscillation of {} mN m at {:.3} Hz about {} holds {:.0} % of that axis' power.",
-            three_digits(line.amplitude_n_m * 1e3),
-            line.frequency_hz,
-            line.frame.about(line.axis),
-            line.share * 100.0
-        ));
-    }
     if sentences.is_empty() {
         sentences.push("No recorded quantity explains more than 15 % of the excess: it depends on something that was not measured.".to_owned());
     }
@@ -202,28 +249,29 @@ fn constant_torque(found: &Dependences) -> String {
     let in_world = found.constant_world_share > found.constant_body_share;
     let (frame, mean) =
         if in_world { (Frame::World, found.mean_world_n_m) } else { (found.frame, found.mean_b_n_m) };
-    let axes = frame.axes();
-    let mean = &mean[..axes.len()];
+    let mean = &mean[..frame.axes().len()];
     let size = mean.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let Some(axis) = mean.iter().position(|x| x.abs() > ABOUT_ONE * size) else {
-        let listed = |of: &[f64]| of.iter().map(|x| three_digits(x * 1e3)).collect::<Vec<_>>().join(", ");
-        let fixed = if in_world { "room" } else { "platform" };
-        return format!(
-            "a constant torque fixed to the {fixed}: {} mN m about {}",
-            listed(mean),
-            axes.join(", ")
-        );
+    let about = mean.iter().position(|x| x.abs() > ABOUT_ONE * size);
+    let milli = |x: &f64| three_digits(x * 1e3);
+    let is_upright = (found.constant_world_share - found.constant_body_share).abs() < CONSTANT_MARGIN;
+    let fixed = match frame {
+        Frame::World => ", fixed to the room",
+        Frame::Body => ", fixed to the platform",
+        Frame::Wheel | Frame::Hinge => "",
     };
-    let told = format!("a constant torque of {} mN m about", three_digits(mean[axis] * 1e3));
-    let is_upright = (found.constant_world_share - found.constant_body_share).abs() < CONSTANT_MARGIN
-        && axis == 2
-        && found.mean_world_n_m[2].abs() > 0.0;
-    match (is_upright, frame) {
+    match about {
+        None => {
+            let listed = mean.iter().map(milli).collect::<Vec<_>>().join(", ");
+            format!("a constant torque of {listed} mN m about {}{fixed}", frame.axes().join(", "))
+        }
         // A platform that stands upright turns about both alike.
-        (true, _) => format!("{told} the vertical, or body z, which was close to it"),
-        (false, Frame::World) => format!("{told} {}, fixed to the room", frame.about(axis)),
-        (false, Frame::Body) => format!("{told} {}, fixed to the platform", frame.about(axis)),
-        (false, _) => format!("{told} {}", frame.about(axis)),
+        Some(2) if is_upright && found.mean_world_n_m[2].abs() > 0.0 => {
+            let told = milli(&mean[2]);
+            format!("a constant torque of {told} mN m about the vertical, or body z, which was close to it")
+        }
+        Some(axis) => {
+            format!("a constant torque of {} mN m about {}{fixed}", milli(&mean[axis]), frame.about(axis))
+        }
     }
 }
 

@@ -12,42 +12,40 @@ pub(crate) const MOVES: f64 = 1.2;
 /// Of a run with the noise that it shows, and the stated one.
 pub(crate) fn remarks(case: &Prepared<'_>, noise: &Noise, stated: &Noise) -> Vec<String> {
     let (recording, model, clamped) = (case.recording(), case.model(), case.is_clamped());
-    let mut remarks = Vec::new();
-    let mut say = |applies: bool, text: &str| {
-        if applies {
-            remarks.push(text.to_owned());
-        }
-    };
-    say(
-        case.commands().wheel_torque_from_speed,
-        "The wheels' torque commands were not recorded: the model's wheels are driven along their measured speeds, so errors of the wheels themselves do not show.",
-    );
-    say(
-        !clamped && recording.wheel_speed_rad_s.is_empty() && !recording.wheel_torque_command_n_m.is_empty(),
-        "The wheels' speeds were not recorded: they are assumed to start at rest.",
-    );
-    say(
-        !model.wheels().is_empty()
-            && recording.wheel_speed_rad_s.is_empty()
-            && recording.wheel_torque_command_n_m.is_empty(),
-        "Neither the wheels' speeds nor their torque commands were recorded: the model's wheels rest, and what the platform's do would appear as unknown torques.",
-    );
-    say(
-        model.freedom == Freedom::OnBearing && !clamped && recording.specific_force_b_m_s2.is_empty(),
-        "The accelerometer was not recorded: the platform is assumed to start near balance, so tilt, and with it the gravity torque, is poorly known.",
-    );
-    say(
-        model.freedom.axes() == 3 && !clamped && recording.vectors.is_empty(),
-        "No vector sensor was recorded: heading starts at zero and drifts with the gyro; effects fixed to the room cannot be distinguished by heading.",
-    );
-    say(
-        !model.jets().is_empty() && recording.jet_pulses.is_empty() && !clamped,
-        "The jets' commands were not recorded: firings would appear as unknown torques.",
-    );
-    say(
-        !is_moving(case, noise),
-        "No rate and no speed moves beyond its noise in this run: whether the model moves as the platform does, it does not show.",
-    );
+    let unread = recording.wheel_speed_rad_s.is_empty();
+    let uncommanded = recording.wheel_torque_command_n_m.is_empty();
+    let of_channels = [
+        (
+            case.commands().wheel_torque_from_speed,
+            "The wheels' torque commands were not recorded: the model's wheels are driven along their measured speeds, so errors of the wheels themselves do not show.",
+        ),
+        (
+            !clamped && unread && !uncommanded,
+            "The wheels' speeds were not recorded: they are assumed to start at rest.",
+        ),
+        (
+            !model.wheels().is_empty() && unread && uncommanded,
+            "Neither the wheels' speeds nor their torque commands were recorded: the model's wheels rest, and what the platform's do would appear as unknown torques.",
+        ),
+        (
+            model.freedom == Freedom::OnBearing && !clamped && recording.specific_force_b_m_s2.is_empty(),
+            "The accelerometer was not recorded: the platform is assumed to start near balance, so tilt, and with it the gravity torque, is poorly known.",
+        ),
+        (
+            model.freedom.axes() == 3 && !clamped && recording.vectors.is_empty(),
+            "No vector sensor was recorded: heading starts at zero and drifts with the gyro; effects fixed to the room cannot be distinguished by heading.",
+        ),
+        (
+            !model.jets().is_empty() && recording.jet_pulses.is_empty() && !clamped,
+            "The jets' commands were not recorded: firings would appear as unknown torques.",
+        ),
+        (
+            !is_moving(case, noise),
+            "No rate and no speed moves beyond its noise in this run: whether the model moves as the platform does, it does not show.",
+        ),
+    ];
+    let applies = of_channels.into_iter().filter(|(applies, _)| *applies);
+    let mut remarks: Vec<String> = applies.map(|(_, text)| text.to_owned()).collect();
     remarks.extend(recording.partial_accelerometer().filter(|_| !clamped && model.freedom.has_weight()));
     remarks.extend(levels(case, noise, stated));
     remarks
@@ -56,31 +54,25 @@ pub(crate) fn remarks(case: &Prepared<'_>, noise: &Noise, stated: &Noise) -> Vec
 /// Sensors whose noise is not the stated one; each vector sensor has its own.
 fn levels(case: &Prepared<'_>, noise: &Noise, stated: &Noise) -> Vec<String> {
     let several = case.recording().vectors.len() > 1;
-    let mut sensors = vec![
-        (Channel::Gyro, 0, "gyro's".to_owned()),
-        (Channel::Accelerometer, 0, "accelerometer's".to_owned()),
-        (Channel::WheelSpeed, 0, "tachometers'".to_owned()),
-    ];
-    let vectors = (0..case.recording().vectors.len()).map(|k| {
-        let name = if several { format!("vector sensor {}'s", k + 1) } else { "vector sensor's".to_owned() };
-        (Channel::Vector, k, name)
-    });
-    sensors.splice(2..2, vectors);
-    let told = sensors.into_iter().filter_map(|(channel, sensor, whose)| {
-        let of = case.components().filter(|c| c.channel == channel && c.sensor() == sensor);
-        let ratios: Vec<f64> = of.map(|component| noise.of(component) / stated.of(component)).collect();
-        let (least, most) =
-            ratios.iter().fold((f64::INFINITY, 0f64), |(least, most), r| (least.min(*r), most.max(*r)));
-        if ratios.is_empty() || (most <= WORTH_SAYING && least >= 1.0 / WORTH_SAYING) {
-            return None;
-        }
-        let times = if least < 0.995 * most { format!("{least:.2} to {most:.2}") } else { format!("{most:.2}") };
-        let text = format!(
-            "The {whose} noise in this run is {times} times what the platform's file states; that of the run is used."
-        );
-        Some(text)
-    });
-    told.collect()
+    let components: Vec<Component> = case.components().collect();
+    let told = |of: &[Component]| {
+        let whose = match of.first()?.channel {
+            Channel::Gyro => "gyro's".to_owned(),
+            Channel::Accelerometer => "accelerometer's".to_owned(),
+            Channel::WheelSpeed => "tachometers'".to_owned(),
+            Channel::Vector if several => format!("vector sensor {}'s", of[0].sensor() + 1),
+            Channel::Vector => "vector sensor's".to_owned(),
+            _ => return None,
+        };
+        let ratios = || of.iter().map(|component| noise.of(*component) / stated.of(*component));
+        let (least, most) = (ratios().fold(f64::INFINITY, f64::min), ratios().fold(0.0, f64::max));
+        let times =
+            if least < 0.995 * most { format!("{least:.2} to {most:.2}") } else { format!("{most:.2}") };
+        (most > WORTH_SAYING || least < 1.0 / WORTH_SAYING).then(|| {
+            format!("The {whose} noise in this run is {times} times what the platform's file states; that of the run is used.")
+        })
+    };
+    components.chunk_by(|a, b| (a.channel, a.sensor()) == (b.channel, b.sensor())).filter_map(told).collect()
 }
 
 /// Whether any rate or speed changes by more than its noise.

@@ -3,11 +3,12 @@
 use nalgebra::{Matrix3, Vector3};
 use whorl_dynamics::PlatformModel;
 use whorl_math::noise::typical_step_s;
-use whorl_prediction::{Disturbance, Followed, SmoothedState, smoothed};
+use whorl_prediction::{
+    Disturbance, Followed, Needs, Noise, Prepared, Settings, SmoothedState, check, follow, smoothed,
+};
 use whorl_recording::Recording;
 
 use crate::error::ValidationError;
-use crate::followed::followed;
 use crate::remarks::remarks;
 
 /// Time between estimates \[s\], and so many readings of what is read fastest: the torque is taken to change within a second.
@@ -26,10 +27,23 @@ pub struct UnexplainedTorques {
     pub states: Vec<SmoothedState>,
     /// How large such torques are, as the run shows it; none where they make the run hardly likelier.
     pub levels: Disturbance,
-    /// By how much they make the run likelier (natural logarithm).
-    pub gain_nats: f64,
     /// What limits the answer, one sentence each.
     pub remarks: Vec<String>,
+}
+
+/// The recording, ready for passes, with the noise that the model states and with what it shows; `known`: as a fit that ended with this
+/// model has followed it.
+pub(crate) fn followed<'a>(
+    recording: &'a Recording,
+    model: &'a PlatformModel,
+    known: Option<&Followed>,
+) -> Result<(Prepared<'a>, Noise, Followed), ValidationError> {
+    check(recording, model, &Needs { shortest_s: 0.0, free: false, accelerometer: false })?;
+    let case = Prepared::new(recording, model, Settings::default())?;
+    let stated = Noise::stated(&case)?;
+    let known = known.filter(|known| known.is_of(&case)).cloned();
+    let followed = known.unwrap_or_else(|| follow(&case, &stated));
+    Ok((case, stated, followed))
 }
 
 /// The torques that `model` does not explain in a recording; `known` is the run as a fit that ended with this model has followed it, if one
@@ -53,7 +67,6 @@ pub fn unexplained_torques(
         states: states.ok_or_else(|| ValidationError::Lost { run: recording.name.clone() })?,
         remarks: remarks(&case, &followed.noise, &stated),
         levels: followed.noise.disturbance,
-        gain_nats: followed.gain_nats,
     })
 }
 

@@ -139,7 +139,7 @@ function located(state, answers) {
     ...(found?.ranked || []).slice(0, 6).map((d) => ({ name: `${d.variable.replaceAll("_", " ")}`, value: d.share })),
   ].map((share) => ({ ...share, said: `${Math.round(100 * share.value)} %` }));
   put(body("where"), top, sentences(answer.sentences),
-    shares.length ? [h("p", { className: "caption" }, "Share of the unexplained torque's mean square, beyond noise, that a smooth curve of each quantity predicts. Shares overlap."), bars(shares, { most: 1 })] : null,
+    shares.length ? [h("p", { className: "caption" }, "Share of the unexplained torque's mean square, beyond noise, that a simple curve of each quantity explains. Shares overlap."), bars(shares, { most: 1 })] : null,
     figures(answer.figures), command(answer.command));
 }
 

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 
-use whorl_monitoring::{Fit, Hole, Monitor, MonitorError, State, Supplies};
+use whorl_monitoring::{Fit, Monitor, MonitorError, State};
 use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::topics::{Message, Route, Topic};
@@ -14,8 +14,6 @@ use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Timestamp};
 use crate::Parameters;
 
 const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
-/// 0 degrees Celsius [K]: `sensor_msgs/Temperature` is in Celsius.
-const CELSIUS_ZERO_K: f64 = 273.15;
 /// A message stamped further ahead of this computer's clock is refused \[s\].
 const AHEAD_S: f64 = 1.0;
 /// Without authority for this long hands may be on the platform \[s\].
@@ -39,7 +37,7 @@ fn monitor_of(parameters: &Parameters) -> Result<(Option<Monitor>, Option<String
     }
     match Monitor::new(&parameters.model, &parameters.prior, &parameters.settings) {
         Ok(monitor) => Ok((Some(monitor), None)),
-        Err(error @ MonitorError::OtherActuators { .. }) => Ok((None, Some(error.to_string()))),
+        Err(error @ MonitorError::OtherActuators(_)) => Ok((None, Some(error.to_string()))),
         Err(error) => Err(error),
     }
 }
@@ -101,18 +99,9 @@ impl ModelMonitorCore {
                     None => monitor.pause(),
                 }
             }
-            Message::FluidPressure(pressure) => monitor.on_supplies(&Supplies {
-                pressure_pa: finite(pressure.fluid_pressure),
-                ..Supplies::default()
-            }),
-            Message::BatteryState(battery) => monitor.on_supplies(&Supplies {
-                voltage_v: finite(f64::from(battery.voltage)),
-                ..Supplies::default()
-            }),
-            Message::Temperature(temperature) => monitor.on_supplies(&Supplies {
-                temperature_k: finite(temperature.temperature + CELSIUS_ZERO_K),
-                ..Supplies::default()
-            }),
+            Message::FluidPressure(pressure) if pressure.fluid_pressure.is_finite() => {
+                monitor.on_pressure(pressure.fluid_pressure);
+            }
             _ => {}
         }
     }
@@ -138,9 +127,9 @@ impl ModelMonitorCore {
         self.sequence += 1;
         let (mut hole, mut holes) = (None, 0);
         if let Some(monitor) = &mut self.monitor {
-            let fit = monitor.fit(now.0);
-            (hole, holes) = (fit.hole, fit.holes);
+            let fit = monitor.fit();
             fill(&mut message, &fit);
+            (hole, holes) = (fit.hole, fit.holes);
             if fit.state != self.state {
                 let level = if fit.state == State::Mismatch { LogLevel::Warn } else { LogLevel::Info };
                 if fit.state == State::Mismatch || self.state == State::Mismatch {
@@ -156,7 +145,13 @@ impl ModelMonitorCore {
         outputs.publish(self.route(Topic::ModelFit), message);
     }
 
-    fn diagnostics(&self, now: Timestamp, fit: &ModelFit, hole: Option<Hole>, holes: u64) -> DiagnosticArray {
+    fn diagnostics(
+        &self,
+        now: Timestamp,
+        fit: &ModelFit,
+        hole: Option<String>,
+        holes: u64,
+    ) -> DiagnosticArray {
         let waits = hole.map(|hole| format!("{}: {hole}", fit.in_words()));
         let values = [
             ("evidence against the model [nats]", fit.ln_evidence),
@@ -178,12 +173,10 @@ impl ModelMonitorCore {
     }
 }
 
-fn finite(x: f64) -> Option<f64> {
-    x.is_finite().then_some(x)
-}
-
 fn fill(message: &mut ModelFit, fit: &Fit) {
-    message.header.stamp = Timestamp(fit.stamp_ns).into();
+    if let Some(stamp_ns) = fit.stamp_ns {
+        message.header.stamp = Timestamp(stamp_ns).into();
+    }
     message.state = match fit.state {
         State::Waiting => ModelFit::STATE_WAITING,
         State::Agrees => ModelFit::STATE_AGREES,
@@ -200,7 +193,7 @@ fn fill(message: &mut ModelFit, fit: &Fit) {
     message.since = Timestamp(likeliest.since_ns).into();
     for parameter in &likeliest.parameters {
         message.parameter.push(parameter.name.clone());
-        message.unit.push(parameter.unit.clone());
+        message.unit.push(parameter.unit.to_owned());
         message.estimate.push(parameter.estimate);
         message.stddev.push(parameter.stddev);
     }
@@ -218,8 +211,6 @@ impl NodeCore for ModelMonitorCore {
             Topic::AttitudeEstimate,
             Topic::ControlStatus,
             Topic::TankPressure,
-            Topic::Battery,
-            Topic::Temperature,
             Topic::BallastMoment,
         ];
         topics.into_iter().map(|topic| self.route(topic)).collect()

@@ -45,25 +45,6 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         "whether the platform is watched; false: the node only says that it waits",
     );
     let settings = Settings {
-        bin_s: r.f64_or("bin_s", d.bin_s, range(0.02..=1.0), "readings are averaged over this long [s]"),
-        start_every_s: r.f64_or(
-            "start_every_s",
-            d.start_every_s,
-            range(1.0..=600.0),
-            "a break of the model is looked for from every multiple of this on [s]",
-        ),
-        memory_s: r.f64_or(
-            "memory_s",
-            d.memory_s,
-            range(10.0..=3600.0),
-            "what broke longer ago than this is for the diagnosis to find [s]",
-        ),
-        from_start_s: r.f64_or(
-            "from_start_s",
-            d.from_start_s,
-            range(0.0..=3600.0),
-            "an error of the model from the start on is as likely as a break in so long a time; 0: breaks only [s]",
-        ),
         false_alarms_per_h: r.f64_or(
             "false_alarms_per_h",
             d.false_alarms_per_h,
@@ -75,48 +56,6 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
             d.background_torque_n_m,
             non_negative(),
             "slow torque that the model need not know, standard deviation about each axis [N m]",
-        ),
-        background_time_s: r.f64_or(
-            "background_time_s",
-            d.background_time_s,
-            range(1.0..=10_000.0),
-            "time over which that torque changes [s]",
-        ),
-        pulse_relative_sigma: r.f64_or(
-            "pulse_relative_sigma",
-            d.pulse_relative_sigma,
-            range(0.0..=1.0),
-            "relative difference of one pulse of a jet from the next, standard deviation",
-        ),
-        motor_relative_sigma: r.f64_or(
-            "motor_relative_sigma",
-            d.motor_relative_sigma,
-            range(0.0..=1.0),
-            "relative error of a motor's torque from one moment to the next, standard deviation",
-        ),
-        motor_noise_sqrt_s: r.f64_or(
-            "motor_noise_sqrt_s",
-            d.motor_noise_sqrt_s,
-            range(0.0..=1.0),
-            "white noise of a motor's torque, over its largest torque [sqrt(s)]",
-        ),
-        motor_noise_learned_s: r.f64_or(
-            "motor_noise_learned_s",
-            d.motor_noise_learned_s,
-            range(0.0..=3600.0),
-            "that noise is learned in the first so many seconds that are watched; 0: it is as said [s]",
-        ),
-        systematic_sigma: r.f64_or(
-            "systematic_sigma",
-            d.systematic_sigma,
-            range(0.0..=1.0),
-            "whitened readings may be off by this always: evidence that such an error explains is none [standard deviations]",
-        ),
-        constants_time_s: r.f64_or(
-            "constants_time_s",
-            d.constants_time_s,
-            range(1.0..=1e7),
-            "constants of the platform may wander through their prior in this time [s]",
         ),
     };
     let rate_hz = r.f64_or("rate_hz", 1.0, range(0.1..=20.0), "rate of model/fit [Hz]");

@@ -143,7 +143,7 @@ def discover(
     exclude: Sequence[str] = (),
     anyway: bool = False,
     progress: Progress = None,
-) -> Tuple[str, Optional[str], Optional[str], Optional[str]]: ...
+) -> Tuple[str, Optional[str], Optional[str]]: ...
 def adopt(
     training: Sequence[Recording],
     held_out: Sequence[Recording],

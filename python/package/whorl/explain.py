@@ -153,8 +153,6 @@ class Discovery(Answer):
 
     law: Optional[str] = None
     """The best law as an effect in YAML; None: no law is more probable than none."""
-    curve: Optional[str] = None
-    """The measured curve as an effect in YAML, where what is missing is a function of one variable."""
 
     @property
     def laws(self) -> List[Dict[str, Any]]:
@@ -162,13 +160,12 @@ class Discovery(Answer):
         found: List[Dict[str, Any]] = (self.data["discovery"] or {}).get("laws", [])
         return found
 
-    def write(self, path: PathLike, curve: bool = False) -> Path:
-        """Writes the best law (or the measured curve) as an effect, `NAME.yaml`; `whorl.load_effect` and `whorl adopt` take it."""
-        text = self.curve if curve else self.law
-        if text is None:
+    def write(self, path: PathLike) -> Path:
+        """Writes the best law as an effect, `NAME.yaml`; `whorl.load_effect` and `whorl adopt` take it."""
+        if self.law is None:
             raise WhorlError("nothing was written: there is no law to write")
         path = Path(path)
-        path.write_text(text, encoding="utf-8")
+        path.write_text(self.law, encoding="utf-8")
         return path
 
     def _table(self) -> Tuple[List[str], List[List[str]]]:
@@ -345,10 +342,10 @@ def discover(
         raise WhorlError(f"{name}: the name is the effect's id; allowed: small letters, digits and _")
     case = _Case(runs, held_out, model, platform, channels)
     with reporting(progress, "discover") as show:
-        text, page, law, curve = _native.discover(*case.native, name, list(exclude), anyway, show)
+        text, page, law = _native.discover(*case.native, name, list(exclude), anyway, show)
     data = json.loads(text)
     found = Discovery(data, data["answer"], page, case)
-    found.law, found.curve = law, curve
+    found.law = law
     return found
 
 

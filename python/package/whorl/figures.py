@@ -91,16 +91,9 @@ def of(answer: "explain.Answer") -> Any:
         )
         figure.update_layout(title=answer.answer[0] if answer.answer else "", xaxis_title="log evidence over the model as it is")
     elif isinstance(answer, explain.Discovery):
-        drawn = (answer.data["discovery"] or {}).get("drawn")
-        if drawn is None:
-            raise WhorlError("nothing to draw: the best law is no function of one variable, or none was searched for")
-        points = drawn["points"]
-        at = [p["at"] for p in points]
-        error = {"type": "data", "array": [p["stddev_n_m"] for p in points]}
-        figure.add_scatter(x=at, y=[p["torque_n_m"] for p in points], error_y=error, mode="markers", name="measured")
-        if all(p["law_n_m"] is not None for p in points):
-            figure.add_scatter(x=at, y=[p["law_n_m"] for p in points], mode="lines", name="law")
-        figure.update_layout(xaxis_title=drawn["variable"], yaxis_title=f"torque {drawn['direction']} [N m]")
+        laws = [law for law in answer.laws if law["equation"]][:8][::-1]
+        figure.add_bar(x=[100 * law["probability"] for law in laws], y=[law["equation"] for law in laws], orientation="h")
+        figure.update_layout(title="Laws that were weighed", xaxis_title="probability [%]")
     elif isinstance(answer, explain.Adoption):
         names = [v["name"] for v in answer.versions]
         figure.add_bar(x=names, y=[v["prediction_error"] for v in answer.versions], name="training")

@@ -75,12 +75,6 @@ class History:
         found: List[Dict[str, Any]] = self.data["steps"]
         return found
 
-    @property
-    def effects(self) -> List[Dict[str, Any]]:
-        """Effects of the model, with their parameters and the steps that adopted them."""
-        found: List[Dict[str, Any]] = self.data["effects"]
-        return found
-
     def __str__(self) -> str:
         if not self.steps:
             return f"No adoption is noted in the model of {self.data['platform']}."
@@ -116,7 +110,7 @@ class Calibration:
     def _table(self) -> Tuple[List[str], List[List[str]]]:
         rows = []
         for sensor in ("gyro", "accelerometer"):
-            for what in ("bias", "scale", "misalignment", "temperature_slope"):
+            for what in ("bias", "scale", "misalignment"):
                 of = self.data[sensor][what]
                 cells = [
                     "not determined" if value is None else f"{value:.3g} +- {stddev:.2g}"
@@ -143,7 +137,7 @@ def trends(
     channels: Optional[PathLike] = None,
     progress: Progress = None,
 ) -> Trends:
-    """What stays, drifts or changed from run to run, every parameter fitted run by run; as `whorl history RUN RUN...`.
+    """What stays or changed from run to run, every parameter fitted run by run; as `whorl history RUN RUN...`.
 
     since: one of the runs: tests only what differs between those before it and those from it on.
     began_unix_s: when each run began [s since 1970], for recordings in memory; default: as their manifests say.
@@ -192,7 +186,7 @@ def calibrate(
     platform: Optional[str] = None,
     channels: Optional[PathLike] = None,
 ) -> Calibration:
-    """Bias, scale, misalignment, noise and temperature of gyro and accelerometer; as `whorl calibrate imu`.
+    """Bias, scale, misalignment and noise of gyro and accelerometer; as `whorl calibrate imu`.
 
     runs: the sensor lies still for 20 s on each of its six faces, and is turned from one to the next.
     known_turn_deg: turns about the vertical were multiples of this angle [deg].

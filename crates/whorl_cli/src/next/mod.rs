@@ -10,7 +10,7 @@ use anyhow::{Context, bail};
 use serde_json::json;
 use whorl_commands::next::{common_file, proposal};
 use whorl_explain::Proposal;
-use whorl_explain::propose::{Judged, needs_run, yaml};
+use whorl_explain::propose::{Judged, needs_run};
 use whorl_identification::Progress;
 use whorl_math::words::shell_word;
 use whorl_report::{NextPage, PlannedMotion};
@@ -58,14 +58,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let proposal = progress::watched("fitting the leading explanation", |say| {
         proposal(&runs, &common, &diagnosis, &options, say)
     })?;
-    let best = proposal.best().context("no manoeuvre was found")?;
+    let best = proposal.judged.first().context("no manoeuvre was found")?;
     let answer = proposal.answer(best, diagnosis.verdict, &known.platform);
     let comments: Vec<String> = answer
         .iter()
         .flat_map(|sentence| tables::wrapped(sentence, 108))
         .chain(["Written by `whorl next`; docs/experiments.md explains every key.".to_owned()])
         .collect();
-    let text = yaml(&name, &known.platform, &best.envelope, &best.manoeuvre, &comments);
+    let text = best.manoeuvre.yaml(&name, &known.platform, &comments);
     if let Some(parent) = out.parent().filter(|p| !p.as_os_str().is_empty()) {
         std::fs::create_dir_all(parent).with_context(|| format!("cannot create {}", parent.display()))?;
     }

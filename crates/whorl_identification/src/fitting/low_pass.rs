@@ -1,14 +1,13 @@
 //! Whether a stated low-pass of an inertial sensor delays its readings.
 //!
-//! Data sheets and drivers state a bandwidth, or an averaging window. A filter delays its output by its time constant; an average over
-//! a window that is stamped in its middle has no delay. If the model assumes the wrong one, a controller's responses, tilt and rates
-//! disagree by that time. A window stamped at its end delays by
-//! half its length; so a time constant that does not delay is half of a window, or nothing.
+//! A filter delays its output by its time constant, an average that is stamped in the middle of its window does not; one stamped at the end
+//! delays by half its length. So a time constant that does not delay is half of a window, or nothing.
 
 use whorl_dynamics::PlatformModel;
+use whorl_dynamics::effects::Need;
 use whorl_dynamics::platform::TriaxialErrors;
 use whorl_prediction::{Rival, Settings};
-use whorl_recording::Recording;
+use whorl_recording::{Recording, Series};
 
 use crate::DiagnosisError;
 use crate::fitting::refit::Refit;
@@ -25,12 +24,12 @@ pub(crate) fn without_those_that_do_not_delay(
     training: &[Recording],
     threads: usize,
 ) -> Result<Option<PlatformModel>, DiagnosisError> {
-    let stated = |model: &PlatformModel| delays(model).map(|delay_s| delay_s > 0.0);
-    let given = stated(&reference.model);
-    if !available.body || given == [false; 2] {
+    let given = delays(&reference.model).map(|delay_s| delay_s > 0.0);
+    if !available.has(Need::FreeBody) || given == [false; 2] {
         return Ok(None);
     }
     let parts: Vec<Recording> = training.iter().map(first_part).collect();
+    let doubt = reference.settings.doubt_nats;
     let settings = Settings {
         threads,
         fit_stands_nats: reference.settings.unfinished_nats,
@@ -38,45 +37,41 @@ pub(crate) fn without_those_that_do_not_delay(
         cell_s: 0.0,
         ..reference.settings.prediction
     };
-    let fitted = |reference: &Reference, start: &[f64], rival: Rival<'_>| {
-        let refit = Refit::own(reference, available);
+    let fitted = |model: &PlatformModel, start: &[f64], rival: Rival<'_>| {
+        let reference = Reference { model: model.clone(), ..reference.clone() };
+        let refit = Refit::own(&reference, available);
         DiagnosisError::possible(refit.likeliest(&parts, &[start.to_vec()], rival, &settings))
     };
     let start = vec![0.0; Refit::own(reference, available).columns.len()];
-    let Some(as_stated) = fitted(reference, &start, Rival::NONE)? else { return Ok(None) };
-    // The likeliest so far: the model if it is another one, values, and how likely they are.
-    let mut best: (Option<Reference>, Vec<f64>, f64) =
-        (None, as_stated.at.clone(), as_stated.log_posterior + reference.settings.doubt_nats);
-    let try_other = |other: Reference, best: &mut (Option<Reference>, Vec<f64>, f64), from: &[f64]| {
-        let rival = Rival { followed: &as_stated.followed, log_posterior_needed: best.2 };
-        if let Some(found) = fitted(&other, from, rival)?.filter(|found| found.log_posterior > best.2) {
-            *best = (Some(other), found.at, found.log_posterior);
-        }
-        Ok::<(), DiagnosisError>(())
+    let Some(as_stated) = fitted(&reference.model, &start, Rival::NONE)? else { return Ok(None) };
+    // A model with its values and how likely they are, if that is more than is needed.
+    let tried = |model: PlatformModel, from: &[f64], log_posterior_needed: f64| {
+        let found = fitted(&model, from, Rival { followed: &as_stated.followed, log_posterior_needed })?;
+        let found = found.filter(|found| found.log_posterior > log_posterior_needed);
+        Ok::<_, DiagnosisError>(found.map(|found| (model, found.at, found.log_posterior)))
     };
-    for kept in [[false, false], [true, false], [false, true]] {
-        // Each that is stated, and all of them.
-        let changes = kept.iter().zip(given).any(|(kept, given)| given && !kept);
-        let is_new = kept.iter().zip(given).all(|(kept, given)| given || !kept);
-        if !changes || !is_new {
+    let mut best = None;
+    // Each that is stated, and all of them, as means over a window;
+    for changed in [[true, true], [false, true], [true, false]] {
+        if changed.iter().zip(given).any(|(changed, given)| *changed && !given) {
             continue;
         }
-        let mut other = reference.clone();
-        for (errors, _) in inertial_errors(&mut other.model).into_iter().zip(kept).filter(|(_, kept)| !kept) {
+        let mut model = reference.model.clone();
+        for (errors, _) in inertial_errors(&mut model).into_iter().zip(changed).filter(|(_, is)| *is) {
             errors.averaging_window_s = 2.0 * errors.time_constant_s;
             errors.time_constant_s = 0.0;
         }
-        try_other(other, &mut best, &as_stated.at)?;
+        let needed = best.as_ref().map_or(as_stated.log_posterior + doubt, |(_, _, log)| *log);
+        best = tried(model, &as_stated.at, needed)?.or(best);
     }
-    if let (Some(mut other), from, _) = best.clone() {
-        for (errors, stated_s) in inertial_errors(&mut other.model).into_iter().zip(windows(&reference.model))
-        {
+    // and the likeliest of these over no window but the stated one.
+    if let Some((mut model, from, log)) = best.clone() {
+        for (errors, stated_s) in inertial_errors(&mut model).into_iter().zip(windows(&reference.model)) {
             errors.averaging_window_s = stated_s;
         }
-        best.2 += reference.settings.doubt_nats;
-        try_other(other, &mut best, &from)?;
+        best = tried(model, &from, log + doubt)?.or(best);
     }
-    Ok(best.0.map(|best| best.model))
+    Ok(best.map(|(model, ..)| model))
 }
 
 /// What that means for whoever stated it.
@@ -113,19 +108,16 @@ fn inertial_errors(model: &mut PlatformModel) -> [&mut TriaxialErrors; 2] {
 
 /// The readings of the beginning; commands are read only as far as these go.
 fn first_part(recording: &Recording) -> Recording {
+    fn cut<T>(series: &mut Series<T>, end_s: f64) {
+        let count = series.time_s.partition_point(|t| *t < end_s);
+        series.time_s.truncate(count);
+        series.value.truncate(count);
+    }
     let mut part = recording.clone();
-    let begin_s = part.gyro_b_rad_s.time_s.first().copied().unwrap_or(0.0);
-    let keep = |times: &[f64]| times.partition_point(|t| *t < begin_s + LONGEST_S);
-    macro_rules! cut {
-        ($($series:expr),*) => {$(
-            let count = keep(&$series.time_s);
-            $series.time_s.truncate(count);
-            $series.value.truncate(count);
-        )*};
-    }
-    cut!(part.gyro_b_rad_s, part.specific_force_b_m_s2, part.wheel_speed_rad_s);
-    for vector in &mut part.vectors {
-        cut!(vector.direction_b);
-    }
+    let end_s = part.gyro_b_rad_s.time_s.first().copied().unwrap_or(0.0) + LONGEST_S;
+    cut(&mut part.gyro_b_rad_s, end_s);
+    cut(&mut part.specific_force_b_m_s2, end_s);
+    cut(&mut part.wheel_speed_rad_s, end_s);
+    part.vectors.iter_mut().for_each(|vector| cut(&mut vector.direction_b, end_s));
     part
 }

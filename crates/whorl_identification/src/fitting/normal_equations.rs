@@ -17,22 +17,39 @@ impl Normal {
 
     /// What recordings say about parameters that are at these values, the slope of their priors included, so that the priors of changes
     /// are about no change.
-    pub fn about(hints: &[Hints], at: &[f64], parameters: &[Parameter]) -> Self {
-        let size = hints.first().map_or(0, |of_run| of_run.slope.len());
-        let mut normal = Self::zeros(size);
+    pub fn about<'h>(
+        hints: impl IntoIterator<Item = &'h Hints>,
+        at: &[f64],
+        parameters: &[Parameter],
+    ) -> Self {
+        let mut normal = Self::zeros(0);
         for of_run in hints {
+            if normal.vector.is_empty() {
+                normal = Self::zeros(of_run.slope.len());
+            }
             normal.matrix += &of_run.information;
             normal.vector += &of_run.slope;
         }
-        for (i, (units, parameter)) in at.iter().zip(parameters).enumerate() {
-            normal.vector[i] -= units / parameter.stddev.powi(2);
+        for ((slope, units), parameter) in normal.vector.iter_mut().zip(at).zip(parameters) {
+            *slope -= units / parameter.stddev.powi(2);
         }
         normal
     }
 
-    pub fn add(&mut self, other: &Self, factor: f64) {
-        self.matrix += &other.matrix * factor;
-        self.vector += &other.vector * factor;
+    /// Share of what a change of these columns does that a change of others follows.
+    pub fn followed(
+        &self,
+        columns: &[usize],
+        step: impl Fn(usize) -> f64,
+        others: &[usize],
+        variance: impl Fn(usize) -> f64,
+    ) -> f64 {
+        let mut done = DVector::zeros(self.vector.len());
+        columns.iter().for_each(|i| done += self.matrix.column(*i) * step(*i));
+        let alone: f64 = columns.iter().map(|i| step(*i) * done[*i]).sum();
+        let signal = Self { vector: done, matrix: self.matrix.clone() };
+        let followed = Estimate::new(&signal, others, variance).map_or(0.0, |of| of.drop);
+        if alone > 0.0 { (followed / alone).clamp(0.0, 1.0) } else { 0.0 }
     }
 }
 
@@ -53,17 +70,13 @@ pub(crate) struct Estimate {
 impl Estimate {
     /// Posterior mean and evidence of `active` columns with prior variances.
     pub fn new(normal: &Normal, active: &[usize], variance: impl Fn(usize) -> f64) -> Option<Self> {
-        let size = active.len();
         let variances: Vec<f64> = active.iter().map(|i| variance(*i)).collect();
-        let mut posterior = DMatrix::zeros(size, size);
-        let mut vector = DVector::zeros(size);
-        for (a, i) in active.iter().enumerate() {
-            for (b, j) in active.iter().enumerate() {
-                posterior[(a, b)] = normal.matrix[(*i, *j)];
-            }
-            posterior[(a, a)] += 1.0 / variances[a];
-            vector[a] = normal.vector[*i];
+        let size = active.len();
+        let mut posterior = DMatrix::from_fn(size, size, |a, b| normal.matrix[(active[a], active[b])]);
+        for (a, variance) in variances.iter().enumerate() {
+            posterior[(a, a)] += variance.recip();
         }
+        let vector = normal.vector.select_rows(active);
         let factor = Cholesky::new(posterior)?;
         let value = factor.solve(&vector);
         let drop = value.dot(&vector);

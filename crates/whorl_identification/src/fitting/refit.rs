@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use whorl_dynamics::effects::{Role, find};
 use whorl_dynamics::{Effect, Gyrostat, ModelPrior, PlatformModel};
-use whorl_prediction::{Fitted, Followed, Parameter, Rival, Settings, fit_beside};
+use whorl_prediction::{Fitted, Followed, Parameter, Rival, Settings, fit};
 use whorl_recording::Recording;
 
 use crate::fitting::ties::{Tie, ties};
 use crate::parameter_space::available::Available;
-use crate::parameter_space::{Column, MASS_PROPERTIES, Point, Reference, Target, is_base};
+use crate::parameter_space::{Column, MASS_PROPERTIES, Point, Reference, is_base};
 use crate::{DiagnosisError, Options};
 
 /// A model refitted jointly with effects.
@@ -85,9 +85,9 @@ impl<'a> Refit<'a> {
     /// Leaves out those of its parameters that are not `kept`: they stay as given.
     pub fn keep(&mut self, kept: &[bool]) {
         let is_kept = |i: usize| kept.get(i).copied().unwrap_or(true);
-        let all = std::mem::take(&mut self.columns).into_iter().zip(std::mem::take(&mut self.stddevs));
-        (self.columns, self.stddevs) =
-            all.enumerate().filter(|(i, _)| is_kept(*i)).map(|(_, pair)| pair).unzip();
+        let (mut of_columns, mut of_stddevs) = (0.., 0..);
+        self.columns.retain(|_| of_columns.next().is_none_or(is_kept));
+        self.stddevs.retain(|_| of_stddevs.next().is_none_or(is_kept));
     }
 
     /// Adds an effect: the parameters that a point has moved, and those that entered.
@@ -123,7 +123,7 @@ impl<'a> Refit<'a> {
         self.columns.iter().zip(units).fold(self.reference.point(), moved)
     }
 
-    /// The likeliest values alone, as [`fit_beside`] finds them.
+    /// The likeliest values alone, as [`fit`] finds them.
     pub fn likeliest(
         &self,
         recordings: &[Recording],
@@ -133,7 +133,7 @@ impl<'a> Refit<'a> {
     ) -> Result<Fitted, DiagnosisError> {
         let parameters = self.parameters();
         let model_at = |units: &[f64]| self.model_at(units);
-        Ok(fit_beside(recordings, &parameters, &model_at, starts, rival, settings)?)
+        Ok(fit(recordings, &parameters, &model_at, starts, rival, settings)?)
     }
 
     /// What is fitted, with what is known of it before.
@@ -144,8 +144,7 @@ impl<'a> Refit<'a> {
 
     /// The model with these values, in units; `None` where no platform is so.
     pub fn model_at(&self, units: &[f64]) -> Option<PlatformModel> {
-        let model = self.reference.model_at(&self.point(units)).ok()?;
-        Gyrostat::new(&model).is_ok().then_some(model)
+        self.reference.possible_model_at(&self.point(units))
     }
 
     /// The model with fitted values, and what they are worth.
@@ -157,6 +156,7 @@ impl<'a> Refit<'a> {
         // keep the given uncertainty, so that the next fit can correct them.
         let is_explained = fitted.followed.iter().all(|run| !run.noise.disturbance.is_some());
         let mut prior = reference.prior.clone();
+        let after = Reference { model: model.clone(), ..reference.clone() };
         let mut estimates = Vec::new();
         for (i, column) in self.columns.iter().enumerate() {
             let given = reference.given_stddev(column);
@@ -168,28 +168,17 @@ impl<'a> Refit<'a> {
                 (true, false) => posterior_stddev.min(given),
                 (false, _) => posterior_stddev,
             };
-            let (before, estimate) = match column.target {
-                Target::Moment(axis) => {
-                    let at = |m: &PlatformModel| m.mass_properties.inertia_b_kg_m2()[(axis, axis)];
-                    if !keeps {
-                        prior.inertia_b_kg_m2[(axis, axis)] = stddev;
-                    }
-                    (at(&reference.model), at(&model))
-                }
-                Target::Effect(effect) => {
-                    let read = |values: Vec<f64>| values.get(column.index).copied().unwrap_or(0.0);
-                    if !keeps {
-                        self.tighten(&mut prior, effect, column, stddev);
-                    }
-                    (read(reference.values(effect)), read(reference.values_at(&point, effect)))
-                }
-            };
+            if !keeps {
+                self.tighten(&mut prior, column, stddev);
+            }
+            let of_effect = |_| reference.value_at(&point, column);
             estimates.push(FittedParameter {
                 group: column.group.to_owned(),
                 name: column.name.clone(),
                 unit: column.unit.to_owned(),
-                before,
-                estimate,
+                before: reference.given(column),
+                // Base effects are folded into the moments of inertia as well.
+                estimate: reference.spec(column).map_or_else(|| after.given(column), of_effect),
                 prior_stddev: if given > 0.0 { given } else { self.stddevs[i] * column.scale },
                 stddev,
                 posterior_stddev,
@@ -225,21 +214,21 @@ impl<'a> Refit<'a> {
         Ok(model)
     }
 
-    fn tighten(&self, prior: &mut ModelPrior, effect: &dyn Effect, column: &Column, stddev: f64) {
-        let model = &self.reference.model;
-        let is_given = model.effects.contains_key(column.group);
-        let spec = effect.parameters(model).into_iter().nth(column.index).filter(|_| !is_given);
-        if let Some((base, part)) = spec.and_then(|spec| Some((spec.base?, spec.part))) {
-            base.set_stddev(prior, part, stddev);
+    fn tighten(&self, prior: &mut ModelPrior, column: &Column, stddev: f64) {
+        let Some((_, spec)) = self.reference.spec(column) else {
+            prior.inertia_b_kg_m2[(column.index, column.index)] = stddev;
+            return;
+        };
+        let is_given = self.reference.model.effects.contains_key(column.group);
+        if let Some(base) = spec.base.filter(|_| !is_given) {
+            base.set_stddev(prior, spec.part, stddev);
         } else if is_given || !is_of_platform(column) {
             prior.effects.entry(column.group.to_owned()).or_default().insert(column.name.clone(), stddev);
         }
     }
-}
 
-impl Refit<'_> {
     /// Parameters of these effects that the recordings do not tell apart. Amplitudes of an effect that took no part in the fit are
-    /// asked about as well: that they were not needed does not mean that they are zero.
+    /// asked about as well, as large as those that did: that they were not needed does not mean that they are zero.
     pub fn ties(
         &self,
         recordings: &[Recording],
@@ -249,8 +238,14 @@ impl Refit<'_> {
     ) -> Result<Vec<Tie>, DiagnosisError> {
         let mut wide = self.clone();
         // Constants of the platform are not effects of the model.
-        let effects = || effects.iter().filter(|effect| !effect.is_base());
-        effects().for_each(|effect| wide.add_amplitudes(*effect));
+        for effect in effects.iter().filter(|effect| !effect.is_base()) {
+            let own = self.columns.iter().zip(&self.stddevs).filter(|(c, _)| c.group == effect.info().id);
+            let size = own.map(|(column, stddev)| stddev / column.catalogue_stddev).fold(1.0, f64::max);
+            let mut further = self.reference.parameter_columns(*effect);
+            further.retain(|c| c.role == Role::Amplitude && !self.columns.iter().any(|own| own.is(c)));
+            wide.stddevs.extend(further.iter().map(|column| size * column.catalogue_stddev));
+            wide.columns.extend(further);
+        }
         let covariance = if wide.columns.len() == self.columns.len() {
             fitted.covariance.clone()
         } else {
@@ -259,23 +254,10 @@ impl Refit<'_> {
             let settings = Settings { threads: options.threads, ..self.reference.settings.prediction };
             wide.likeliest(recordings, &[start], Rival::NONE, &settings)?.covariance
         };
-        let is_of_effect = |column: &Column| effects().any(|effect| effect.info().id == column.group);
-        Ok(ties(&wide.columns, &fitted.at, &covariance, is_of_effect))
-    }
-
-    /// Adds the amplitudes of an effect that are not among the parameters, as large as those that are.
-    fn add_amplitudes(&mut self, effect: &'static dyn Effect) {
-        let own = |column: &Column| column.group == effect.info().id;
-        let sizes = self.columns.iter().zip(&self.stddevs).filter(|(column, _)| own(column));
-        let size = sizes.map(|(column, stddev)| stddev / column.catalogue_stddev).fold(1.0, f64::max);
-        for column in self.reference.parameter_columns(effect) {
-            if column.role == Role::Amplitude
-                && !self.columns.iter().any(|c| own(c) && c.index == column.index)
-            {
-                self.stddevs.push(size * column.catalogue_stddev);
-                self.columns.push(column);
-            }
-        }
+        let is_asked = |column: &Column| {
+            !is_base(column.group) && effects.iter().any(|effect| effect.info().id == column.group)
+        };
+        Ok(ties(&wide.columns, &fitted.at, &covariance, is_asked))
     }
 }
 

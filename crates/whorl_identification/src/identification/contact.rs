@@ -6,7 +6,6 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
-use whorl_dynamics::platform::TiltLimit;
 use whorl_recording::{Recording, Series};
 
 use whorl_estimation::sequential::{CONTACT_LASTS_S, touches};
@@ -19,12 +18,8 @@ const SHORTEST_S: f64 = 3.0;
 /// The model of a platform that is away from its stop: where a start that is not known exactly reaches the stop, a touch would come and go
 /// with the parameters though there was none.
 pub(super) fn away_from_stop(model: &PlatformModel) -> PlatformModel {
-    let tilt_limit = match model.tilt_limit {
-        TiltLimit::Cone { .. } => TiltLimit::NONE,
-        // No elevation is larger.
-        TiltLimit::Pitch { .. } => TiltLimit::Pitch { max_rad: std::f64::consts::FRAC_PI_2 },
-    };
-    PlatformModel { tilt_limit, ..model.clone() }
+    // No tilt is larger.
+    PlatformModel { tilt_limit: model.tilt_limit.with_max_rad(std::f64::consts::PI), ..model.clone() }
 }
 
 /// The pieces of a run between touches, and what was left out; the run itself where nothing touches.
@@ -38,9 +33,8 @@ pub(super) fn between_touches(
     let (Some(first), Some(last), false) = (times.first(), times.last(), touching.is_empty()) else {
         return vec![run.clone()];
     };
-    let mut pieces = Vec::new();
-    let mut from_s = *first;
-    for (begins_s, ends_s) in touching.iter().copied().chain([(*last, *last)]) {
+    let (mut pieces, mut from_s) = (Vec::new(), *first);
+    for (begins_s, ends_s) in touching.into_iter().chain([(*last, *last)]) {
         if begins_s - from_s >= SHORTEST_S {
             pieces.push(piece(run, from_s, begins_s));
         }
@@ -61,17 +55,14 @@ fn touching_s(force: &Series<Vector3<f64>>, model: &PlatformModel) -> Vec<(f64, 
     if !model.tilt_limit.stops() {
         return found;
     }
-    let samples: Vec<(f64, Vector3<f64>)> =
-        force.time_s.iter().copied().zip(force.value.iter().copied()).collect();
-    let window = |t: f64| (t / AVERAGED_S).floor();
+    let samples: Vec<(&f64, &Vector3<f64>)> = force.time_s.iter().zip(&force.value).collect();
+    let window = |t: &f64| (t / AVERAGED_S).floor();
     for block in samples.chunk_by(|a, b| window(a.0) == window(b.0)) {
-        let mean = block.iter().map(|(_, force)| force).sum::<Vector3<f64>>() / block.len() as f64;
-        let (Some((from, _)), Some((to, _))) = (block.first(), block.last()) else { continue };
-        if !touches(&mean, model.tilt_limit) {
-            continue;
-        }
-        let (from_s, to_s) = (from - CONTACT_LASTS_S, to + CONTACT_LASTS_S);
+        let mean = block.iter().map(|(_, force)| *force).sum::<Vector3<f64>>() / block.len() as f64;
+        let ([(from, _), ..], [.., (to, _)]) = (block, block) else { continue };
+        let (from_s, to_s) = (*from - CONTACT_LASTS_S, *to + CONTACT_LASTS_S);
         match found.last_mut() {
+            _ if !touches(&mean, model.tilt_limit) => {}
             Some(last) if from_s <= last.1 => last.1 = to_s,
             _ => found.push((from_s, to_s)),
         }
@@ -82,28 +73,25 @@ fn touching_s(force: &Series<Vector3<f64>>, model: &PlatformModel) -> Vec<(f64, 
 /// What was measured of a run from one time to another, with everything that was commanded; of wheels the command that holds at the
 /// start, so that nothing has to be known of the motion before.
 fn piece(run: &Recording, from_s: f64, to_s: f64) -> Recording {
-    let mut piece = run.clone();
-    piece.name = format!("{}, {from_s:.1} s to {to_s:.1} s", run.name);
-    keep(&mut piece.gyro_b_rad_s, from_s, to_s);
-    keep(&mut piece.specific_force_b_m_s2, from_s, to_s);
-    keep(&mut piece.wheel_speed_rad_s, from_s, to_s);
+    let commands = &run.wheel_torque_command_n_m;
+    let held = commands.time_s.iter().rfind(|t| **t <= from_s);
+    let mut piece = Recording {
+        name: format!("{}, {from_s:.1} s to {to_s:.1} s", run.name),
+        gyro_b_rad_s: within(&run.gyro_b_rad_s, from_s, to_s),
+        specific_force_b_m_s2: within(&run.specific_force_b_m_s2, from_s, to_s),
+        wheel_speed_rad_s: within(&run.wheel_speed_rad_s, from_s, to_s),
+        wheel_torque_command_n_m: within(commands, held.copied().unwrap_or(from_s), f64::INFINITY),
+        ..run.clone()
+    };
     for vector in &mut piece.vectors {
-        keep(&mut vector.direction_b, from_s, to_s);
+        vector.direction_b = within(&vector.direction_b, from_s, to_s);
     }
-    let commands = &mut piece.wheel_torque_command_n_m;
-    let before = commands.time_s.partition_point(|t| *t <= from_s).saturating_sub(1);
-    commands.time_s.drain(..before);
-    commands.value.drain(..before);
     piece
 }
 
-fn keep<T>(series: &mut Series<T>, from_s: f64, to_s: f64) {
-    let at = |t: f64| series.time_s.partition_point(|x| *x < t);
-    let (from, to) = (at(from_s), at(to_s));
-    series.time_s.truncate(to);
-    series.value.truncate(to);
-    series.time_s.drain(..from.min(to));
-    series.value.drain(..from.min(to));
+fn within<T: Clone>(series: &Series<T>, from_s: f64, to_s: f64) -> Series<T> {
+    let pairs = series.time_s.iter().copied().zip(series.value.iter().cloned());
+    pairs.filter(|(t, _)| (from_s..to_s).contains(t)).collect()
 }
 
 #[cfg(test)]

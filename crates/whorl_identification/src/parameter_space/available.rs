@@ -8,69 +8,46 @@ use whorl_dynamics::{Effect, PlatformModel};
 use whorl_math::noise::typical_step_s;
 use whorl_recording::Recording;
 
-use crate::signals::clamped::is_clamped;
 use crate::signals::digits::digits_of_gyro;
+use crate::signals::is_clamped;
 
 /// What recordings hold.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Available {
-    pub body: bool,
-    pub jets: bool,
-    pub wheels: bool,
-    pub wheel_command: bool,
-    pub gimbals: bool,
-    pub accel: bool,
-    pub vector: bool,
-    pub temperature: bool,
-    pub voltage: bool,
-    pub ballast: bool,
-    /// Largest angle between two instants of a run, turned about an axis of the body \[rad\].
-    pub largest_turn_rad: f64,
-    /// The gyro's readings pile up at a limit.
-    pub clips: bool,
+    held: Vec<Need>,
     /// Typical time between the readings of what is read fastest \[s\].
     pub sample_s: f64,
 }
 
 impl Available {
-    pub fn of(recordings: &[Recording], model: &PlatformModel) -> Self {
-        let free = |run: &Recording| !is_clamped(run, model);
-        let any = |test: &dyn Fn(&Recording) -> bool| recordings.iter().any(test);
+    pub fn of<'r>(recordings: impl IntoIterator<Item = &'r Recording>, model: &PlatformModel) -> Self {
+        let all: Vec<&Recording> = recordings.into_iter().collect();
+        let free: Vec<&&Recording> = all.iter().filter(|run| !is_clamped(run, model)).collect();
+        let any = |test: fn(&Recording) -> bool| all.iter().any(|run| test(run));
+        let any_free = |test: fn(&Recording) -> bool| free.iter().any(|run| test(run));
         let has_wheels = !model.wheels().is_empty();
+        let is_commanded: fn(&Recording) -> bool = |run| !run.wheel_torque_command_n_m.is_empty();
+        let reads_wheels = |run: &Recording| !run.wheel_speed_rad_s.is_empty();
+        let turns_gimbals =
+            |run: &Recording| run.gimbal_rate_rad_s.value.iter().flatten().any(|rate| *rate != 0.0);
+        let clips = free.iter().any(|run| digits_of_gyro(run, model).clips_at_rad_s.is_some());
+        let of_needs = [
+            (Need::FreeBody, !free.is_empty()),
+            (Need::Jets, any_free(|run| run.jet_pulses.iter().any(|pulses| !pulses.is_empty()))),
+            (Need::Wheels, has_wheels && (any(is_commanded) || any(reads_wheels))),
+            (Need::WheelCommands, has_wheels && any(is_commanded)),
+            (Need::Gimbals, any_free(turns_gimbals)),
+            (Need::Accelerometer, any_free(|run| !run.specific_force_b_m_s2.is_empty())),
+            (Need::VectorSensor, any_free(|run| run.vectors.iter().any(|v| !v.direction_b.is_empty()))),
+            (Need::Temperature, any(|run| run.temperature_k.len() > 1)),
+            (Need::BusVoltage, any(|run| run.bus_voltage_v.len() > 1)),
+            (Need::Ballast, any(|run| moves(&run.ballast_moment_b_n_m.value))),
+            (Need::HalfATurn, any_free(|run| turned_rad(run) > PI)),
+            (Need::UnclippedGyro, !clips),
+        ];
         Self {
-            body: any(&free),
-            jets: any(&|r| free(r) && r.jet_pulses.iter().any(|pulses| !pulses.is_empty())),
-            wheels: has_wheels
-                && any(&|r| !r.wheel_torque_command_n_m.is_empty() || !r.wheel_speed_rad_s.is_empty()),
-            wheel_command: has_wheels && any(&|r| !r.wheel_torque_command_n_m.is_empty()),
-            gimbals: any(&|r| free(r) && r.gimbal_rate_rad_s.value.iter().flatten().any(|rate| *rate != 0.0)),
-            accel: any(&|r| free(r) && !r.specific_force_b_m_s2.is_empty()),
-            vector: any(&|r| free(r) && r.vectors.iter().any(|v| !v.direction_b.is_empty())),
-            temperature: any(&|r| r.temperature_k.len() > 1),
-            voltage: any(&|r| r.bus_voltage_v.len() > 1),
-            ballast: any(&|r| moves(&r.ballast_moment_b_n_m.value)),
-            largest_turn_rad: recordings.iter().filter(|r| free(r)).map(turned_rad).fold(0.0, f64::max),
-            clips: any(&|r| free(r) && digits_of_gyro(r, model).clips_at_rad_s.is_some()),
-            sample_s: recordings.iter().map(sample_s).fold(f64::INFINITY, f64::min),
-        }
-    }
-
-    /// What either holds.
-    pub fn or(&self, other: &Self) -> Self {
-        Self {
-            body: self.body || other.body,
-            jets: self.jets || other.jets,
-            wheels: self.wheels || other.wheels,
-            wheel_command: self.wheel_command || other.wheel_command,
-            gimbals: self.gimbals || other.gimbals,
-            accel: self.accel || other.accel,
-            vector: self.vector || other.vector,
-            temperature: self.temperature || other.temperature,
-            voltage: self.voltage || other.voltage,
-            ballast: self.ballast || other.ballast,
-            largest_turn_rad: self.largest_turn_rad.max(other.largest_turn_rad),
-            clips: self.clips || other.clips,
-            sample_s: self.sample_s.min(other.sample_s),
+            held: of_needs.into_iter().filter(|(_, is_held)| *is_held).map(|(need, _)| need).collect(),
+            sample_s: all.iter().map(|run| sample_s(run)).fold(f64::INFINITY, f64::min),
         }
     }
 
@@ -81,20 +58,7 @@ impl Available {
 
     /// Whether they hold what an effect needs.
     pub fn has(&self, need: Need) -> bool {
-        match need {
-            Need::FreeBody => self.body,
-            Need::Jets => self.jets,
-            Need::Wheels => self.wheels,
-            Need::WheelCommands => self.wheel_command,
-            Need::Gimbals => self.gimbals,
-            Need::Accelerometer => self.accel,
-            Need::VectorSensor => self.vector,
-            Need::Temperature => self.temperature,
-            Need::BusVoltage => self.voltage,
-            Need::Ballast => self.ballast,
-            Need::HalfATurn => self.largest_turn_rad > PI,
-            Need::UnclippedGyro => !self.clips,
-        }
+        self.held.contains(&need)
     }
 }
 

@@ -6,8 +6,8 @@ pub(crate) mod ways;
 use std::collections::BTreeMap;
 
 use nalgebra::Matrix3;
-use whorl_dynamics::effects::{Part, Role, catalogue, find};
-use whorl_dynamics::{Effect, MassProperties, ModelPrior, PlatformModel};
+use whorl_dynamics::effects::{Need, ParameterSpec, Part, Role, catalogue, find};
+use whorl_dynamics::{Effect, Gyrostat, MassProperties, ModelPrior, PlatformModel};
 
 use crate::DiagnosisError;
 use crate::Settings;
@@ -92,10 +92,6 @@ pub(crate) struct Reference {
 }
 
 impl Reference {
-    pub fn new(model: &PlatformModel, prior: &ModelPrior, settings: Settings) -> Self {
-        Self { model: model.clone(), prior: prior.clone(), settings }
-    }
-
     /// The given values of an effect: the model's own, else neutral.
     pub fn values(&self, effect: &dyn Effect) -> Vec<f64> {
         let given = self.model.effects.get(effect.info().id);
@@ -108,13 +104,9 @@ impl Reference {
 
     /// The point at which nothing is changed.
     pub fn point(&self) -> Point {
-        let mut point = Point::default();
-        for id in self.model.effects.keys() {
-            if let Some(effect) = find(id) {
-                point.effects.insert(effect.info().id, self.values(effect));
-            }
-        }
-        point
+        let of_model = self.model.effects.keys().filter_map(|id| find(id));
+        let effects = of_model.map(|effect| (effect.info().id, self.values(effect))).collect();
+        Point { effects, ..Point::default() }
     }
 
     /// Values of an effect at a point.
@@ -138,21 +130,25 @@ impl Reference {
         }
         for (id, values) in &point.effects {
             let Some(effect) = find(id) else { continue };
-            let mut map = BTreeMap::new();
             // Ranges grow with the platform, so they are those of the platform that was moved.
-            for (spec, value) in effect.parameters(&model).iter().zip(values) {
-                map.insert(spec.name.clone(), value.max(spec.min).min(spec.max));
-            }
+            let specs = effect.parameters(&model).into_iter().zip(values);
+            let map = specs.map(|(spec, value)| (spec.name, value.max(spec.min).min(spec.max))).collect();
             model.effects.insert((*id).to_owned(), map);
         }
         Ok(model)
+    }
+
+    /// The same, if there can be such a platform.
+    pub fn possible_model_at(&self, point: &Point) -> Option<PlatformModel> {
+        self.model_at(point).ok().filter(|model| Gyrostat::new(model).is_ok())
     }
 
     /// Columns of the base model: moments of inertia, gravity offset, and what the prior leaves open of
     /// wheels and jets, and of effects that the model has. Clamped, only what turns the wheels can be fitted.
     pub fn base_columns(&self, available: &Available) -> Vec<Column> {
         let mut columns = Vec::new();
-        if available.body {
+        let has_body = available.has(Need::FreeBody);
+        if has_body {
             let inertia = self.model.mass_properties.inertia_b_kg_m2();
             for (i, name) in ["ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"].into_iter().enumerate() {
                 let stddev = self.prior.inertia_b_kg_m2[(i, i)] * self.settings.prior_margin;
@@ -179,7 +175,7 @@ impl Reference {
                 columns.extend(self.parameter_columns(effect));
             }
         }
-        if available.body {
+        if has_body {
             let adopted = self.model.effects.keys().filter_map(|id| find(id));
             columns.extend(adopted.filter(|e| !e.is_base()).flat_map(|e| self.parameter_columns(e)));
         }
@@ -217,14 +213,17 @@ impl Reference {
             .collect()
     }
 
+    /// The effect of a column, and what it says of the parameter.
+    pub fn spec(&self, column: &Column) -> Option<(&'static dyn Effect, ParameterSpec)> {
+        let Target::Effect(effect) = column.target else { return None };
+        Some((effect, effect.parameters(&self.model).into_iter().nth(column.index)?))
+    }
+
     /// Prior standard deviation of a column's parameter as it was given, in its own unit; 0 = none was.
     pub fn given_stddev(&self, column: &Column) -> f64 {
-        match column.target {
-            Target::Moment(axis) => self.prior.inertia_b_kg_m2[(axis, axis)],
-            Target::Effect(effect) => effect
-                .parameters(&self.model)
-                .get(column.index)
-                .map_or(0.0, |spec| self.prior.of_parameter(&self.model, effect, spec)),
+        match self.spec(column) {
+            None => self.prior.inertia_b_kg_m2[(column.index, column.index)],
+            Some((effect, spec)) => self.prior.of_parameter(&self.model, effect, &spec),
         }
     }
 
@@ -238,42 +237,34 @@ impl Reference {
 
     /// Its value at a point.
     pub fn value_at(&self, point: &Point, column: &Column) -> f64 {
-        self.given(column) + self.distance(point, column) * column.scale
+        match column.target {
+            Target::Moment(axis) => self.given(column) + point.moments.get(axis).copied().unwrap_or(0.0),
+            Target::Effect(effect) => self.values_at(point, effect).get(column.index).copied().unwrap_or(0.0),
+        }
     }
 
     /// How far a point is from the reference along a column, in its units.
     pub fn distance(&self, point: &Point, column: &Column) -> f64 {
-        match column.target {
-            Target::Moment(i) => point.moments.get(i).copied().unwrap_or(0.0) / column.scale,
-            Target::Effect(effect) => {
-                let now = self.values_at(point, effect);
-                let reference = self.values(effect);
-                match (now.get(column.index), reference.get(column.index)) {
-                    (Some(now), Some(reference)) => (now - reference) / column.scale,
-                    _ => 0.0,
-                }
-            }
-        }
+        (self.value_at(point, column) - self.given(column)) / column.scale
     }
 
     /// The point moved along a column by `units`.
     pub fn moved(&self, point: &Point, column: &Column, units: f64) -> Point {
         let mut moved = point.clone();
-        match column.target {
-            Target::Moment(i) => {
-                if let Some(slot) = moved.moments.get_mut(i) {
-                    *slot += units * column.scale;
-                }
-            }
-            Target::Effect(effect) => {
-                let mut values = self.values_at(point, effect);
-                let spec = effect.parameters(&self.model).into_iter().nth(column.index);
-                if let Some((value, spec)) = values.get_mut(column.index).zip(spec) {
-                    *value = spec.limited(*value + units * column.scale);
-                }
-                moved.effects.insert(effect.info().id, values);
-            }
+        let Some((effect, spec)) = self.spec(column) else {
+            moved
+                .moments
+                .iter_mut()
+                .skip(column.index)
+                .take(1)
+                .for_each(|slot| *slot += units * column.scale);
+            return moved;
+        };
+        let mut values = self.values_at(point, effect);
+        if let Some(value) = values.get_mut(column.index) {
+            *value = spec.limited(*value + units * column.scale);
         }
+        moved.effects.insert(effect.info().id, values);
         moved
     }
 }

@@ -3,74 +3,149 @@
 use std::collections::BTreeMap;
 
 use whorl_dynamics::Effect;
-use whorl_dynamics::effects::{Clues, Direction, Grouping, Part, Role};
+use whorl_dynamics::effects::{Clues, Contribution, Direction, Grouping, Part, Regressed, Role};
 
-use crate::parameter_space::{Column, Point, Reference};
+use crate::parameter_space::{Column, Point, Reference, Target};
+use crate::verdict::diagnosis::ParameterEstimate;
 
 /// One number with which an effect enters.
 #[derive(Debug, Clone)]
-pub(crate) enum Entry {
-    /// A parameter.
-    Parameter(Column),
-    /// A direction of an effect that is absent.
-    Direction(&'static dyn Effect, Direction),
+pub(crate) struct Entry {
+    /// A parameter; of a direction the first that it moves, one unit of it in its own.
+    pub column: Column,
+    /// The direction, of an effect that is absent.
+    pub direction: Option<Direction>,
+}
+
+impl From<Column> for Entry {
+    fn from(column: Column) -> Self {
+        Self { column, direction: None }
+    }
+}
+
+/// How far values go along a direction with so many units.
+fn along(direction: &Direction, units: f64) -> f64 {
+    if direction.squared { units.max(0.0).sqrt() } else { units }
+}
+
+/// Values of the parameters with so many units of several directions from where the first begins.
+fn sum_of(directions: &[(&Direction, f64)]) -> Vec<f64> {
+    let mut values = directions.first().map_or_else(Vec::new, |(first, _)| first.origin.clone());
+    for (direction, units) in directions {
+        for (index, by) in &direction.moves {
+            if let Some(value) = values.get_mut(*index) {
+                *value += along(direction, *units) * by;
+            }
+        }
+    }
+    values
 }
 
 impl Entry {
-    /// Range of its units.
-    pub fn range(&self, reference: &Reference) -> (f64, f64) {
-        match self {
-            Self::Parameter(column) => column.range,
-            Self::Direction(_, direction) if direction.moves.iter().all(|(_, by)| *by == 0.0) => (0.0, 1.0),
-            Self::Direction(effect, direction) => {
-                let specs = effect.parameters(&reference.model);
-                let mut range = (f64::NEG_INFINITY, f64::INFINITY);
-                for (index, by) in &direction.moves {
-                    if let (Some(spec), Some(from)) = (specs.get(*index), direction.origin.get(*index)) {
-                        let (a, b) = ((spec.min - from) / by, (spec.max - from) / by);
-                        range = (range.0.max(a.min(b)), range.1.min(a.max(b)));
-                    }
-                }
-                if direction.squared { (0.0, range.1.max(0.0).powi(2)) } else { range }
-            }
-        }
-    }
-
-    /// Prior standard deviation that the catalogue gives it, in units.
-    pub fn catalogue_stddev(&self) -> f64 {
-        match self {
-            Self::Parameter(column) => column.catalogue_stddev,
-            Self::Direction(..) => 1.0,
-        }
-    }
-
-    /// Values of the effect with so many units of it; `None` for a parameter.
-    pub fn values(&self, units: f64) -> Option<Vec<f64>> {
-        let Self::Direction(_, direction) = self else { return None };
-        let along = if direction.squared { units.max(0.0).sqrt() } else { units };
-        let mut values = direction.origin.clone();
+    /// `None` where a place is there or not, and nothing grows with the units of it.
+    fn of(reference: &Reference, effect: &'static dyn Effect, direction: Direction) -> Option<Self> {
+        let specs = effect.parameters(&reference.model);
+        let (index, by) = *direction.moves.first()?;
+        let mut range = (f64::NEG_INFINITY, f64::INFINITY);
         for (index, by) in &direction.moves {
-            if let Some(value) = values.get_mut(*index) {
-                *value += along * by;
+            if let (Some(spec), Some(from)) = (specs.get(*index), direction.origin.get(*index)) {
+                let (a, b) = ((spec.min - from) / by, (spec.max - from) / by);
+                range = (range.0.max(a.min(b)), range.1.min(a.max(b)));
             }
         }
-        Some(values)
+        let spec = specs.get(index)?;
+        let column = Column {
+            group: effect.info().id,
+            name: spec.name.clone(),
+            unit: spec.unit,
+            part: spec.part,
+            target: Target::Effect(effect),
+            index,
+            role: Role::Amplitude,
+            scale: by,
+            base_stddev: 0.0,
+            catalogue_stddev: 1.0,
+            range: if direction.squared { (0.0, range.1.max(0.0).powi(2)) } else { range },
+            essential: true,
+        };
+        let grows = direction.moves.iter().any(|(_, by)| *by != 0.0);
+        grows.then_some(Self { column, direction: Some(direction) })
+    }
+
+    /// Values of its effect with so many units of it alone.
+    pub fn values(&self, reference: &Reference, effect: &dyn Effect, units: f64) -> Vec<f64> {
+        if let Some(direction) = &self.direction {
+            return sum_of(&[(direction, units)]);
+        }
+        let mut values = reference.values(effect);
+        if let Some(value) = values.get_mut(self.column.index) {
+            *value += units * self.column.scale;
+        }
+        values
     }
 
     /// A point moved along it.
     pub fn moved(&self, reference: &Reference, point: &Point, units: f64) -> Point {
-        match self {
-            Self::Parameter(column) => reference.moved(point, column, units),
-            Self::Direction(effect, _) => {
-                let specs = effect.parameters(&reference.model);
-                let values = self.values(units).unwrap_or_default();
-                let mut moved = point.clone();
-                let limited = values.iter().zip(&specs).map(|(value, spec)| spec.limited(*value));
-                moved.effects.insert(effect.info().id, limited.collect());
-                moved
-            }
-        }
+        let (Some(_), Target::Effect(effect)) = (&self.direction, self.column.target) else {
+            return reference.moved(point, &self.column, units);
+        };
+        let mut moved = point.clone();
+        let values = self.values(reference, effect, units);
+        moved.effects.insert(effect.info().id, limited(reference, effect, values));
+        moved
     }
+
+    /// Its parameter with so many units, which have this deviation.
+    pub fn estimate(&self, reference: &Reference, units: f64, stddev: f64) -> ParameterEstimate {
+        let column = &self.column;
+        let new = |value, stddev: f64| {
+            ParameterEstimate::new(column.name.clone(), column.unit, value, stddev * column.scale.abs())
+        };
+        let Some(direction) = &self.direction else {
+            let value = reference.given(column) + units * column.scale;
+            return ParameterEstimate { at_bound: column.is_at_bound(units), ..new(value, stddev) };
+        };
+        let from = direction.origin.get(column.index).copied().unwrap_or(0.0);
+        let along = along(direction, units);
+        let spread = if direction.squared { 0.5 * stddev / along.max(stddev.sqrt()) } else { stddev };
+        new(from + along * column.scale, spread)
+    }
+}
+
+fn limited(reference: &Reference, effect: &dyn Effect, values: Vec<f64>) -> Vec<f64> {
+    let specs = effect.parameters(&reference.model);
+    values.iter().zip(&specs).map(|(value, spec)| spec.limited(*value)).collect()
+}
+
+/// Values of an effect to which several directions lead together, and which of its parameters are fitted from there.
+pub(crate) fn joined(
+    reference: &Reference,
+    effect: &dyn Effect,
+    directions: &[(&Direction, f64)],
+) -> (Vec<f64>, Vec<usize>) {
+    let contribution = |(direction, units): &(&'_ Direction, f64)| {
+        direction.moves.first().map_or(0.0, |(_, by)| along(direction, *units) * by)
+    };
+    let contributions: Vec<Contribution<'_>> = directions
+        .iter()
+        .map(|part| Contribution { name: &part.0.name, origin: &part.0.origin, amount: contribution(part) })
+        .collect();
+    let values = effect.joined(&contributions).unwrap_or_else(|| sum_of(directions));
+    let values = limited(reference, effect, values);
+    let moved = |i: usize| directions.iter().flat_map(|(direction, _)| &direction.moves).any(|m| m.0 == i);
+    let specs = effect.parameters(&reference.model);
+    let is_fitted = |i: &usize| {
+        specs.get(*i).is_some_and(|spec| {
+            let may_move = match spec.regressed {
+                Regressed::Never => false,
+                Regressed::UnlessZero => values.get(*i).is_some_and(|value| *value != 0.0),
+                Regressed::Always | Regressed::WithAmplitude => true,
+            };
+            !spec.known && (moved(*i) || (spec.role != Role::Amplitude && may_move))
+        })
+    };
+    let fitted = (0..specs.len()).filter(is_fitted).collect();
+    (values, fitted)
 }
 
 /// All ways of an effect to enter while it is absent, and the numbers that they enter with, each once.
@@ -92,22 +167,20 @@ impl Ways {
         let mut ways = Self::default();
         if let Some(starts) = effect.starts(&reference.model, clues) {
             for start in starts {
-                let entries: Vec<Entry> =
-                    start.into_iter().map(|direction| Entry::Direction(effect, direction)).collect();
-                // A place is there or not: nothing grows with the units of it.
-                let moves = |entry: &Entry| matches!(entry, Entry::Direction(_, d) if d.moves.iter().any(|m| m.1 != 0.0));
-                if !entries.is_empty() && entries.iter().all(|entry| moves(entry) && is_possible(entry)) {
-                    let first = ways.entries.len();
-                    ways.options.push((first..first + entries.len()).collect());
-                    ways.entries.extend(entries);
-                }
+                let entries: Option<Vec<Entry>> =
+                    start.into_iter().map(|direction| Entry::of(reference, effect, direction)).collect();
+                let possible = entries.filter(|all| !all.is_empty() && all.iter().all(&is_possible));
+                let first = ways.entries.len();
+                ways.entries.extend(possible.into_iter().flatten());
+                ways.options
+                    .extend((ways.entries.len() > first).then(|| (first..ways.entries.len()).collect()));
             }
             return ways;
         }
         let columns = reference.parameter_columns(effect);
         let mut places = vec![None; columns.len()];
         for (column, place) in columns.iter().zip(&mut places).filter(|(c, _)| c.role == Role::Amplitude) {
-            let entry = Entry::Parameter(column.clone());
+            let entry = Entry::from(column.clone());
             if is_possible(&entry) {
                 *place = Some(ways.entries.len());
                 ways.entries.push(entry);
@@ -123,41 +196,31 @@ impl Ways {
     }
 }
 
-/// The sets of columns in which an effect may enter, as it says.
-pub(crate) fn options_of(effect: &dyn Effect, columns: &[Column]) -> Vec<Vec<usize>> {
-    let indices: Vec<usize> = (0..columns.len()).collect();
-    let part_of = |i: usize| columns.get(i).map_or(Part::Platform, |column| column.part);
-    let each = || indices.iter().map(|i| vec![*i]);
-    let mut options = vec![indices.clone()];
+/// The sets of columns in which an effect may enter, as it says; some may be empty.
+fn options_of(effect: &dyn Effect, columns: &[Column]) -> Vec<Vec<usize>> {
+    let all: Vec<usize> = (0..columns.len()).collect();
+    let each = || all.iter().map(|i| vec![*i]);
+    let of_part: BTreeMap<Part, Vec<usize>> = all.iter().fold(BTreeMap::new(), |mut parts, i| {
+        parts.entry(columns[*i].part).or_insert_with(Vec::new).push(*i);
+        parts
+    });
     match effect.grouping() {
-        Grouping::All => {}
         Grouping::EachAndPairs => {
-            options = each().collect();
-            for (n, a) in indices.iter().enumerate() {
-                options.extend(indices.iter().skip(n + 1).map(|b| vec![*a, *b]));
-            }
+            let pairs = all.iter().flat_map(|a| all.iter().filter(move |b| a < b).map(|b| vec![*a, *b]));
+            each().chain(pairs).collect()
         }
-        _ if indices.len() < 2 => {}
-        Grouping::AllPartsEach(also) => {
-            let mut of_part: BTreeMap<Part, Vec<usize>> = BTreeMap::new();
-            for i in &indices {
-                of_part.entry(part_of(*i)).or_default().push(*i);
-            }
-            if of_part.len() > 1 {
-                options.extend(of_part.into_values().filter(|own| own.len() > 1));
-            }
-            options.extend(each());
-            options.extend(also.iter().map(|names| {
-                let is_named = |i: &usize| columns.get(*i).is_some_and(|c| names.contains(&c.name.as_str()));
-                indices.iter().copied().filter(is_named).collect()
-            }));
+        Grouping::AllPartsEach(also) if all.len() > 1 => {
+            let is_named = |i: &usize, names: &[&str]| names.contains(&columns[*i].name.as_str());
+            let named = also.iter().map(|names| all.iter().copied().filter(|i| is_named(i, names)).collect());
+            let several = of_part.len() > 1;
+            let parts = of_part.values().filter(|own| several && own.len() > 1).cloned();
+            std::iter::once(all.clone()).chain(parts).chain(each()).chain(named).collect()
         }
-        Grouping::CommonEachParts => {
+        Grouping::CommonEachParts if all.len() > 1 => {
             let (common, of_parts): (Vec<usize>, Vec<usize>) =
-                indices.iter().partition(|i| part_of(**i) == Part::Platform);
-            options = std::iter::once(common).chain(each()).chain([of_parts]).collect();
+                all.iter().partition(|i| columns[**i].part == Part::Platform);
+            std::iter::once(common).chain(each()).chain([of_parts]).collect()
         }
+        _ => vec![all],
     }
-    options.retain(|option| !option.is_empty());
-    options
 }

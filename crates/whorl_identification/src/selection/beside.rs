@@ -4,11 +4,11 @@
 //! A random torque that is loud hides what follows the motion slowly, and without one a model that lacks something else looks far more wrong
 //! than it is. So there are two views where a run needs such a torque: with it, and without.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 
-use whorl_dynamics::Gyrostat;
-use whorl_dynamics::effects::{Clues, Contribution, Regressed, Role, catalogue, find};
-use whorl_dynamics::{Effect, PlatformModel};
+use nalgebra::DVector;
+use whorl_dynamics::Effect;
+use whorl_dynamics::effects::{Clues, Direction, catalogue, find};
 use whorl_prediction::{Followed, Hints, Laws, Parameter, hints};
 use whorl_recording::Recording;
 
@@ -16,15 +16,18 @@ use crate::DiagnosisError;
 use crate::fitting::normal_equations::{Estimate, Normal};
 use crate::fitting::refit::Entered;
 use crate::parameter_space::Reference;
-use crate::parameter_space::ways::{Entry, Ways};
+use crate::parameter_space::ways::{Entry, Ways, joined};
 use crate::selection::hidden::{Carriage, Carried};
 use crate::selection::hypothesis::{Evaluated, Hypothesis, Runs};
 use crate::selection::prior::{SIZES, log_prior, size_penalty_nats};
+use crate::verdict::diagnosis::ParameterEstimate;
 
 /// Effects that are tried in pairs, those that gain most alone.
 const MOST_PAIRED: usize = 30;
 /// Sets that are proposed in each view at most.
 const MOST_PROPOSED: usize = 12;
+/// Prior variance of a column of which nothing is known, in its unit.
+const ANY_SIZE: f64 = 1e6;
 
 /// An effect with the ways in which it may enter, by columns.
 struct Offered {
@@ -51,8 +54,6 @@ pub(crate) struct Entering {
 #[derive(Clone)]
 pub(crate) struct View {
     normal: Normal,
-    /// Each training run.
-    by_run: Vec<Hints>,
     without: Estimate,
     /// log p of the training runs in it, over that of the fit.
     log: f64,
@@ -70,9 +71,9 @@ pub(crate) struct Proposal {
 pub(crate) struct Beside<'a> {
     reference: &'a Reference,
     pub set: &'a Evaluated,
-    /// What may enter, behind the columns of the set: first so many parameters of the model, then effects that are carried along.
+    /// Every column: those of the set, other parameters of the model, and from so many on effects that are carried along.
     entries: Vec<Entry>,
-    parameters: usize,
+    of_model: usize,
     carried: Vec<Carried>,
     offered: Vec<Offered>,
     views: Vec<View>,
@@ -84,94 +85,64 @@ impl<'a> Beside<'a> {
         runs: &Runs<'a>,
         set: &'a Evaluated,
         clues: &Clues<'_>,
-        is_asked: impl Fn(&dyn Effect) -> bool,
+        is_asked: &dyn Fn(&dyn Effect) -> bool,
         known: Option<&[View]>,
     ) -> Result<Option<Self>, DiagnosisError> {
         let reference = runs.reference;
-        let refit = set.refit(reference);
-        let own = set.columns.len();
         let step = reference.settings.prediction.fit_difference;
-        let at_set = refit.point(&set.fitted.at);
-        let with =
-            |entry: &Entry, units: f64| possible_model(reference, &entry.moved(reference, &at_set, units));
-        let (mut entries, mut hidden) = (Vec::new(), Vec::new());
-        let mut offered = Vec::new();
-        for effect in catalogue().iter().copied().filter(|effect| is_asked(*effect)) {
-            let id = effect.info().id;
-            let is_in_model = reference.model.effects.contains_key(id) && !effect.is_base();
-            if set.names().contains(&id) || is_in_model || !runs.available.can_test(effect) {
-                continue;
-            }
-            let is_possible = |entry: &Entry| {
-                let (low, high) = entry.range(reference);
-                [step, -step]
-                    .into_iter()
-                    .any(|step| (low..=high).contains(&step) && with(entry, step).is_some())
-            };
-            let ways = Ways::of(reference, effect, clues, is_possible);
-            let list = if effect.hidden_states(&reference.model) > 0 { &mut hidden } else { &mut entries };
-            let is_hidden = effect.hidden_states(&reference.model) > 0;
-            let mut places = Vec::new();
-            for entry in ways.entries {
-                let known = match &entry {
-                    Entry::Parameter(column) => set.columns.iter().position(|own| own.is(column)),
-                    Entry::Direction(..) => None,
-                };
-                // Hidden ones come behind all others, whose number is not known yet.
-                places.push(known.map_or_else(
-                    || {
-                        list.push(entry);
-                        Place::New(is_hidden, list.len() - 1)
-                    },
-                    Place::Own,
-                ));
-            }
-            offered.push((effect, places, ways.options));
-        }
-        let first_hidden = own + entries.len();
-        let place = |place: &Place| match *place {
-            Place::Own(k) => k,
-            Place::New(false, k) => own + k,
-            Place::New(true, k) => first_hidden + k,
+        let at_set = set.refit(reference).point(&set.fitted.at);
+        // Some step to one side or the other leads to a platform.
+        let is_possible = |entry: &Entry| {
+            let is_there = |step: f64| (entry.column.range.0..=entry.column.range.1).contains(&step);
+            let model = |step: f64| reference.possible_model_at(&entry.moved(reference, &at_set, step));
+            [step, -step].into_iter().any(|step| is_there(step) && model(step).is_some())
         };
-        let offered: Vec<Offered> = offered
-            .into_iter()
-            .map(|(effect, places, options)| Offered {
-                effect,
-                options: options
-                    .into_iter()
-                    .map(|option| option.iter().filter_map(|i| places.get(*i).map(place)).collect())
-                    .collect(),
-            })
-            .collect();
-        let carried: Vec<Carried> = hidden.iter().filter_map(|entry| carried(reference, entry)).collect();
-        let parameters = entries.len();
-        entries.extend(hidden);
-        let mut beside = Self { reference, set, entries, parameters, carried, offered, views: Vec::new() };
+        let mut entries: Vec<Entry> = set.columns.iter().cloned().map(Entry::from).collect();
+        let (mut offered, mut carried) = (Vec::new(), Vec::new());
+        let mut of_model = entries.len();
+        let is_hidden = |effect: &dyn Effect| effect.hidden_states(&reference.model) > 0;
+        for hidden in [false, true] {
+            let all = catalogue().iter().copied().filter(|effect| is_hidden(*effect) == hidden);
+            for effect in all.filter(|effect| is_asked(*effect)) {
+                let id = effect.info().id;
+                let is_in_model = reference.model.effects.contains_key(id) && !effect.is_base();
+                if set.names().contains(&id) || is_in_model || !runs.available.can_test(effect) {
+                    continue;
+                }
+                let ways = Ways::of(reference, effect, clues, is_possible);
+                let mut places: Vec<usize> = Vec::new();
+                for entry in ways.entries {
+                    let is_own = |own: &_| entry.direction.is_none() && entry.column.is(own);
+                    let known = set.columns.iter().position(is_own);
+                    places.push(known.unwrap_or(entries.len()));
+                    if known.is_none() {
+                        let one_unit = || entry.values(reference, effect, 1.0);
+                        carried.extend(hidden.then(|| Carried { effect, values: one_unit() }));
+                        entries.push(entry);
+                    }
+                }
+                let placed = |option: &Vec<usize>| option.iter().map(|i| places[*i]).collect();
+                offered.push(Offered { effect, options: ways.options.iter().map(placed).collect() });
+            }
+            if !hidden {
+                of_model = entries.len();
+            }
+        }
+        let mut beside = Self { reference, set, entries, of_model, carried, offered, views: Vec::new() };
         if let Some(known) = known {
             beside.views = known.to_vec();
             return Ok(Some(beside));
         }
-        let runs_as_fitted = set.fitted.followed.clone();
-        let quiet: Vec<Followed> = runs_as_fitted.iter().map(Followed::without_disturbance).collect();
-        let lost: f64 = runs_as_fitted
-            .iter()
-            .zip(&quiet)
-            .map(|(loud, quiet)| quiet.log_likelihood() - loud.log_likelihood())
-            .sum();
-        let mut views = vec![(runs_as_fitted, 0.0)];
-        if lost.is_finite() && lost < 0.0 {
-            views.push((quiet, lost));
+        let loud = &set.fitted.followed;
+        let quiet: Vec<Followed> = loud.iter().map(Followed::without_disturbance).collect();
+        let log = |all: &[Followed]| all.iter().map(Followed::log_likelihood).sum::<f64>();
+        let lost = log(&quiet) - log(loud);
+        let of_quiet = (lost.is_finite() && lost < 0.0).then_some((&quiet, lost));
+        for (followed, log) in std::iter::once((loud, 0.0)).chain(of_quiet) {
+            let view = DiagnosisError::possible(beside.view(runs, followed, log))?.flatten();
+            beside.views.extend(view);
         }
-        for (followed, log) in views {
-            let view = beside.view(runs, &followed, log);
-            match DiagnosisError::possible(view)?.flatten() {
-                Some(view) => beside.views.push(view),
-                None if beside.views.is_empty() => return Ok(None),
-                None => {}
-            }
-        }
-        Ok(Some(beside))
+        Ok((!beside.views.is_empty()).then_some(beside))
     }
 
     /// What the samples say, for [`Self::new`] of the same set.
@@ -187,11 +158,10 @@ impl<'a> Beside<'a> {
     /// One pass over the training runs.
     fn view(&self, runs: &Runs<'_>, followed: &[Followed], log: f64) -> Result<Option<View>, DiagnosisError> {
         let by_run = self.hints(runs, runs.training, followed)?;
-        let parameters = self.of_model();
-        let normal = Normal::about(&by_run, &self.set.fitted.at, &parameters[..self.own()]);
+        let normal = Normal::about(&by_run, &self.set.fitted.at, &self.parameters());
         let own: Vec<usize> = (0..self.own()).collect();
-        let Some(without) = Estimate::new(&normal, &own, |i| self.known(i)) else { return Ok(None) };
-        Ok(Some(View { normal, by_run, without, log }))
+        let without = Estimate::new(&normal, &own, |i| self.known(i));
+        Ok(without.map(|without| View { normal, without, log }))
     }
 
     /// The normal equations of each of these recordings about the set.
@@ -201,39 +171,32 @@ impl<'a> Beside<'a> {
         recordings: &[Recording],
         followed: &[Followed],
     ) -> Result<Vec<Hints>, DiagnosisError> {
-        let carried = &self.carried;
-        let (reference, own) = (self.reference, self.own());
+        let (reference, own, count) = (self.reference, self.own(), self.carried.len());
         let refit = self.set.refit(reference);
         let model_at = |x: &[f64]| {
-            let mut point = refit.point(&x[..own]);
-            for (entry, units) in self.entries.iter().zip(&x[own..]).filter(|(_, units)| **units != 0.0) {
-                point = entry.moved(reference, &point, *units);
-            }
-            possible_model(reference, &point)
+            let further = self.entries.iter().zip(x).skip(own).filter(|(_, units)| **units != 0.0);
+            let point = refit.point(&x[..own]);
+            reference.possible_model_at(
+                &further.fold(point, |point, (entry, units)| entry.moved(reference, &point, *units)),
+            )
         };
-        let carriages: Vec<Carriage<'_>> = recordings.iter().map(|_| Carriage::new(carried)).collect();
+        let carriages: Vec<Carriage<'_>> = recordings.iter().map(|_| Carriage::new(&self.carried)).collect();
+        let carriages = carriages.iter().take(if count > 0 { carriages.len() } else { 0 });
         let laws: Vec<Laws<'_>> = carriages
-            .iter()
-            .map(|carriage| {
-                Laws::new(carried.len(), carried.len(), |plant, pushes| carriage.push(plant, pushes))
-            })
+            .map(|carriage| Laws::new(count, count, |plant, pushes| carriage.push(plant, pushes)))
             .collect();
-        let laws: &[Laws<'_>] = if carried.is_empty() { &[] } else { &laws };
-        let settings = runs.prediction();
         let mut at = self.set.fitted.at.clone();
-        at.resize(own + self.parameters, 0.0);
-        Ok(hints(recordings, &self.of_model(), &model_at, &at, followed, laws, &settings)?)
+        at.resize(self.of_model, 0.0);
+        Ok(hints(recordings, &self.parameters(), &model_at, &at, followed, &laws, &runs.prediction())?)
     }
 
-    /// Columns of the set, and behind them the entries that are parameters of the model.
-    fn of_model(&self) -> Vec<Parameter> {
-        let own = self.set.columns.iter().zip(&self.set.stddevs);
-        let own = own.map(|(column, stddev)| Parameter { stddev: *stddev, range: column.range });
-        let of_entry = |entry: &Entry| Parameter {
-            stddev: entry.catalogue_stddev(),
-            range: entry.range(self.reference),
+    /// Columns that are parameters of the model.
+    fn parameters(&self) -> Vec<Parameter> {
+        let stddev = |i: usize, entry: &Entry| {
+            self.set.stddevs.get(i).copied().unwrap_or(entry.column.catalogue_stddev)
         };
-        own.chain(self.entries.iter().take(self.parameters).map(of_entry)).collect()
+        let all = self.entries.iter().take(self.of_model).enumerate();
+        all.map(|(i, entry)| Parameter { stddev: stddev(i, entry), range: entry.column.range }).collect()
     }
 
     /// Prior variance of a column of the set.
@@ -241,42 +204,17 @@ impl<'a> Beside<'a> {
         self.set.stddevs.get(i).map_or(1.0, |stddev| stddev * stddev)
     }
 
-    fn entry(&self, i: usize) -> Option<&Entry> {
-        self.entries.get(i.checked_sub(self.own())?)
-    }
-
     fn at_of(&self, i: usize) -> f64 {
         self.set.fitted.at.get(i).copied().unwrap_or(0.0)
     }
 
-    fn range_of(&self, i: usize) -> (f64, f64) {
-        match self.entry(i) {
-            Some(entry) => entry.range(self.reference),
-            None => self.set.columns.get(i).map_or((f64::NEG_INFINITY, f64::INFINITY), |column| column.range),
-        }
-    }
-
-    fn catalogue_stddev(&self, i: usize) -> f64 {
-        match self.entry(i) {
-            Some(entry) => entry.catalogue_stddev(),
-            None => self.set.columns.get(i).map_or(1.0, |column| column.catalogue_stddev),
-        }
-    }
-
     /// Prior variance of a column with which an effect of this size enters.
     pub fn entering_variance(&self, i: usize, size: f64) -> f64 {
-        let is_squared = matches!(self.entry(i), Some(Entry::Direction(_, direction)) if direction.squared);
-        let stddev = size * self.catalogue_stddev(i);
+        let entry = &self.entries[i];
+        let stddev = size * entry.column.catalogue_stddev;
+        let is_squared = entry.direction.as_ref().is_some_and(|direction| direction.squared);
         let own = (if is_squared { stddev * stddev } else { stddev }).powi(2);
         if i < self.own() { self.known(i).max(own) } else { own }
-    }
-
-    fn is_essential(&self, i: usize) -> bool {
-        match self.entry(i) {
-            Some(Entry::Parameter(column)) => column.essential,
-            Some(Entry::Direction(..)) => true,
-            None => self.set.columns.get(i).is_some_and(|column| column.essential),
-        }
     }
 
     /// More columns in a view, at the likeliest size; columns whose values no platform can have are left out. `None` where none remains.
@@ -301,7 +239,7 @@ impl<'a> Beside<'a> {
                 }
                 let Some(estimate) = Estimate::new(&normal, &all, variance) else { break };
                 let is_possible = |i: &usize| {
-                    let (low, high) = self.range_of(*i);
+                    let (low, high) = self.entries[*i].column.range;
                     (low..=high).contains(&(self.at_of(*i) + estimate.of(*i)))
                 };
                 if entered.iter().all(is_possible) {
@@ -316,7 +254,7 @@ impl<'a> Beside<'a> {
                     break;
                 }
                 // Without what is essential the others are another effect under this one's name.
-                if entered.iter().any(|i| !is_possible(i) && self.is_essential(*i)) {
+                if entered.iter().any(|i| !is_possible(i) && self.entries[*i].column.essential) {
                     break;
                 }
                 entered.retain(|i| is_possible(i));
@@ -334,10 +272,13 @@ impl<'a> Beside<'a> {
         Some(Entering { gain: best.gain - (ways as f64).ln(), ways, ..best })
     }
 
+    fn offered(&self, id: &str) -> Option<&Offered> {
+        self.offered.iter().find(|offered| offered.effect.info().id == id)
+    }
+
     /// An effect as the samples would have it enter, with the random torque that they show.
     pub fn entering(&self, id: &str) -> Option<Entering> {
-        let offered = self.offered.iter().find(|offered| offered.effect.info().id == id)?;
-        self.best_way(self.views.first()?, offered)
+        self.best_way(self.views.first()?, self.offered(id)?)
     }
 
     /// Effects beside the set.
@@ -348,39 +289,30 @@ impl<'a> Beside<'a> {
     /// The set with these effects more, each as it enters best in some view.
     pub fn with(&self, ids: &[&'static str]) -> Option<Hypothesis> {
         let view = self.views.first()?;
-        let each: Option<Vec<(&'static str, Entering)>> = ids
-            .iter()
-            .map(|id| {
-                let offered = self.offered.iter().find(|offered| offered.effect.info().id == *id)?;
-                Some((
-                    *id,
-                    self.best_way(view, offered).or_else(|| self.best_way(self.views.last()?, offered))?,
-                ))
-            })
-            .collect();
-        let each = each?;
+        let enter = |id: &&'static str| {
+            let offered = self.offered(id)?;
+            let found = self.best_way(view, offered).or_else(|| self.best_way(self.views.last()?, offered));
+            Some((*id, found?))
+        };
+        let each: Vec<(&'static str, Entering)> = ids.iter().map(enter).collect::<Option<_>>()?;
         let columns: Vec<usize> = each.iter().flat_map(|(_, e)| e.columns.iter().copied()).collect();
         let joint = self.enter(view, &columns).filter(|joint| joint.columns.len() == columns.len());
-        let parts: Vec<(&'static str, &Entering)> = each.iter().map(|(id, e)| (*id, e)).collect();
         let estimate = joint.as_ref().map_or(&each.first()?.1.estimate, |joint| &joint.estimate);
-        Some(self.hypothesis(&parts, estimate))
+        Some(self.hypothesis(each.iter().map(|(id, e)| (*id, e, e.size)), estimate))
     }
 
     /// Sets with one or two effects more that might be more probable than the set, those first that are foremost in some view.
     pub fn proposals(&self, with_pairs: bool) -> Vec<Proposal> {
         let window = self.reference.settings.window_nats;
-        let mut of_views: Vec<std::vec::IntoIter<Proposal>> = Vec::new();
-        for view in &self.views {
+        let of_view = |view: &View| {
             let all = self.proposals_of(view, with_pairs);
             let least = all.first().map_or(0.0, |best| best.gain - window);
-            let mut own: Vec<Proposal> = Vec::new();
-            for proposal in all.iter().take_while(|proposal| proposal.gain >= least) {
-                // What a pair is worth shows beside the better half of it.
-                own.extend(better_half(&all, proposal).cloned());
-                own.push(proposal.clone());
-            }
-            of_views.push(own.into_iter());
-        }
+            let foremost = all.iter().take_while(|proposal| proposal.gain >= least);
+            // What a pair is worth shows beside the better half of it.
+            let with_half = foremost.flat_map(|of| better_half(&all, of).into_iter().chain([of]).cloned());
+            with_half.collect::<Vec<_>>().into_iter()
+        };
+        let mut of_views: Vec<_> = self.views.iter().map(of_view).collect();
         let mut all: Vec<Proposal> = Vec::new();
         for _ in 0..MOST_PROPOSED {
             for proposal in of_views.iter_mut().filter_map(Iterator::next) {
@@ -404,7 +336,7 @@ impl<'a> Beside<'a> {
             .iter()
             .map(|(id, entering)| Proposal {
                 gain: entering.gain + log_prior(&[*id], settings),
-                hypothesis: self.hypothesis(&[(*id, entering)], &entering.estimate),
+                hypothesis: self.hypothesis([(*id, entering, entering.size)], &entering.estimate),
             })
             .collect();
         singles.truncate(if with_pairs { MOST_PAIRED } else { 0 });
@@ -417,9 +349,8 @@ impl<'a> Beside<'a> {
                 let gain = joint.gain - ways + log_prior(&[*a, *b], settings);
                 let alone = [(a, first), (b, second)].map(|(id, e)| e.gain + log_prior(&[*id], settings));
                 if joint.columns.len() == columns.len() && gain > alone[0].max(alone[1]).max(0.0) {
-                    let with = |e: &Entering| Entering { size: joint.size, ..e.clone() };
-                    let (first, second) = (with(first), with(second));
-                    let hypothesis = self.hypothesis(&[(*a, &first), (*b, &second)], &joint.estimate);
+                    let parts = [(*a, first, joint.size), (*b, second, joint.size)];
+                    let hypothesis = self.hypothesis(parts, &joint.estimate);
                     all.push(Proposal { hypothesis, gain });
                 }
             }
@@ -429,49 +360,43 @@ impl<'a> Beside<'a> {
         all
     }
 
-    /// The set with these effects more, where an estimate has them.
-    fn hypothesis(&self, parts: &[(&'static str, &Entering)], estimate: &Estimate) -> Hypothesis {
+    /// The set with these effects more, each with its size, where an estimate has them.
+    fn hypothesis<'e>(
+        &self,
+        parts: impl IntoIterator<Item = (&'static str, &'e Entering, f64)>,
+        estimate: &Estimate,
+    ) -> Hypothesis {
         let reference = self.reference;
         let mut hypothesis = self.set.hypothesis.clone();
         // The platform's own parameters move along.
         let mut point = self.set.refit(reference).point(&self.set.fitted.at);
-        for (i, column) in self.set.columns.iter().enumerate() {
-            let step = estimate.of(i);
-            if step != 0.0 {
-                point = reference.moved(&point, column, step);
-            }
+        for (i, column) in self.set.columns.iter().enumerate().filter(|(i, _)| estimate.of(*i) != 0.0) {
+            point = reference.moved(&point, column, estimate.of(i));
         }
-        for (id, entering) in parts {
+        for (id, entering, size) in parts {
             let Some(effect) = find(id) else { continue };
-            let entries: Vec<(usize, &Entry)> =
-                entering.columns.iter().filter_map(|i| Some((*i, self.entry(*i)?))).collect();
-            let mut indices: Vec<usize> = entering
-                .columns
-                .iter()
-                .filter_map(|i| match self.entry(*i) {
-                    Some(Entry::Parameter(column)) => Some(column.index),
-                    Some(Entry::Direction(..)) => None,
-                    None => self.set.columns.get(*i).map(|column| column.index),
-                })
-                .collect();
-            for (i, entry) in entries.iter().filter(|(_, e)| matches!(e, Entry::Parameter(_))) {
-                point = entry.moved(reference, &point, estimate.of(*i));
+            let mut indices = Vec::new();
+            let mut directions: Vec<(&Direction, f64)> = Vec::new();
+            for i in &entering.columns {
+                let entry = &self.entries[*i];
+                match &entry.direction {
+                    Some(direction) => directions.push((direction, estimate.of(*i))),
+                    None => indices.push(entry.column.index),
+                }
+                if entry.direction.is_none() && *i >= self.own() {
+                    point = entry.moved(reference, &point, estimate.of(*i));
+                }
             }
-            let directions: Vec<(&Entry, f64)> = entries
-                .iter()
-                .filter(|(_, e)| matches!(e, Entry::Direction(..)))
-                .map(|(i, entry)| (*entry, estimate.of(*i)))
-                .collect();
             if !directions.is_empty() {
-                let values = joined(reference, effect, &directions);
-                indices.extend(fitted_indices(reference, effect, &directions, &values));
+                let (values, fitted) = joined(reference, effect, &directions);
+                indices.extend(fitted);
                 point.effects.insert(id, values);
             }
             indices.sort_unstable();
             indices.dedup();
-            hypothesis.entered.insert(id, Entered { indices, size: entering.size });
+            hypothesis.entered.insert(id, Entered { indices, size });
             hypothesis.choices_nats +=
-                (entering.ways as f64).ln() + size_penalty_nats(entering.size, &reference.settings);
+                (entering.ways as f64).ln() + size_penalty_nats(size, &reference.settings);
             hypothesis.effects.push(id);
         }
         hypothesis.effects.sort_unstable();
@@ -479,17 +404,11 @@ impl<'a> Beside<'a> {
         hypothesis
     }
 
-    /// Share of the signal of some columns that refitting the set's own parameters absorbs.
-    pub fn absorbed(&self, entering: &Entering) -> f64 {
-        let Some(view) = self.views.first() else { return 0.0 };
-        let (normal, estimate) = (&view.normal, &entering.estimate);
-        let of_columns: nalgebra::DVector<f64> =
-            entering.columns.iter().map(|j| normal.matrix.column(*j) * estimate.of(*j)).sum();
-        let alone: f64 = entering.columns.iter().map(|i| estimate.of(*i) * of_columns[*i]).sum();
-        let base: Vec<usize> = (0..self.own()).filter(|i| !entering.columns.contains(i)).collect();
-        let signal = Normal { vector: of_columns, matrix: normal.matrix.clone() };
-        let followed = Estimate::new(&signal, &base, |i| self.known(i)).map_or(0.0, |followed| followed.drop);
-        if alone > 0.0 { (followed / alone).clamp(0.0, 1.0) } else { 0.0 }
+    /// Share of the signal of such a step along some columns that refitting the set's others absorbs.
+    pub fn absorbed(&self, columns: &[usize], step: impl Fn(usize) -> f64) -> f64 {
+        let others: Vec<usize> = (0..self.own()).filter(|i| !columns.contains(i)).collect();
+        let share = |view: &View| view.normal.followed(columns, step, &others, |i| self.known(i));
+        self.views.first().map_or(0.0, share)
     }
 
     /// Drop of the misfit that an effect of the catalogue's usual size brings, the largest of its columns; 0 where none shows.
@@ -499,8 +418,16 @@ impl<'a> Beside<'a> {
 
     /// The same by other data.
     pub fn detectability_in(&self, normal: &Normal, id: &str) -> f64 {
-        let columns: std::collections::BTreeSet<usize> = self.options(id).into_iter().flatten().collect();
-        columns.iter().map(|i| self.detectability_of(normal, *i)).fold(0.0, f64::max)
+        let columns: BTreeSet<usize> = self.options(id).into_iter().flatten().collect();
+        let of_column = |column: usize| {
+            let mut active: Vec<usize> = (0..self.own()).filter(|i| *i != column).collect();
+            active.push(column);
+            let variance = |i: usize| if i == column { ANY_SIZE } else { self.known(i) };
+            let fit = Estimate::new(normal, &active, variance)?;
+            let variance = fit.covariance()[(active.len() - 1, active.len() - 1)];
+            (variance > 0.0).then(|| self.entries[column].column.catalogue_stddev.powi(2) / variance)
+        };
+        columns.into_iter().filter_map(of_column).fold(0.0, f64::max)
     }
 
     /// The given model.
@@ -508,54 +435,34 @@ impl<'a> Beside<'a> {
         self.reference
     }
 
-    fn detectability_of(&self, normal: &Normal, column: usize) -> f64 {
-        let mut active: Vec<usize> = (0..self.own()).filter(|i| *i != column).collect();
-        active.push(column);
-        let variance = |i: usize| if i == column { ANY_SIZE } else { self.known(i) };
-        let Some(fit) = Estimate::new(normal, &active, variance) else { return 0.0 };
-        let variance = fit.covariance()[(active.len() - 1, active.len() - 1)];
-        if variance > 0.0 { self.catalogue_stddev(column).powi(2) / variance } else { 0.0 }
-    }
-
-    /// Values of the columns with which an effect enters, each with its name, unit, value, deviation and whether it is at a bound.
-    pub fn values(&self, entering: &Entering) -> Vec<(String, &'static str, f64, f64, bool)> {
-        let covariance = entering.estimate.covariance();
+    /// Values of the columns with which an effect enters.
+    pub fn values(&self, entering: &Entering) -> Vec<ParameterEstimate> {
+        let (estimate, covariance) = (&entering.estimate, entering.estimate.covariance());
         let of = |i: &usize| {
-            let place = entering.estimate.active.iter().position(|active| active == i)?;
+            let place = estimate.active.iter().position(|active| active == i)?;
             let stddev = covariance[(place, place)].max(0.0).sqrt();
-            let units = self.at_of(*i) + entering.estimate.of(*i);
-            let column = match self.entry(*i) {
-                Some(Entry::Parameter(column)) => column,
-                None => self.set.columns.get(*i)?,
-                Some(Entry::Direction(effect, direction)) => {
-                    let (index, by) = *direction.moves.first()?;
-                    let spec = effect.parameters(&self.reference.model).into_iter().nth(index)?;
-                    let from = direction.origin.get(index).copied().unwrap_or(0.0);
-                    let along = if direction.squared { units.max(0.0).sqrt() } else { units };
-                    let spread =
-                        if direction.squared { 0.5 * stddev / along.max(stddev.sqrt()) } else { stddev };
-                    return Some((spec.name, spec.unit, from + along * by, spread * by.abs(), false));
-                }
-            };
-            let value = self.reference.given(column) + units * column.scale;
-            Some((column.name.clone(), column.unit, value, stddev * column.scale, column.is_at_bound(units)))
+            let units = self.at_of(*i) + estimate.of(*i);
+            Some(self.entries[*i].estimate(self.reference, units, stddev))
         };
         entering.columns.iter().filter_map(of).collect()
     }
 
     /// The ways in which an effect may enter, by columns; of one of the set the columns that it has.
     pub fn options(&self, id: &str) -> Vec<Vec<usize>> {
-        let own: Vec<usize> = (0..self.own()).filter(|i| self.set.columns[*i].group == id).collect();
         if self.set.names().contains(&id) {
-            return vec![own];
+            return vec![self.set.columns_of(id)];
         }
-        let offered = self.offered.iter().find(|offered| offered.effect.info().id == id);
-        offered.map_or_else(Vec::new, |offered| offered.options.clone())
+        self.offered(id).map_or_else(Vec::new, |offered| offered.options.clone())
     }
 
-    /// What each training run says of the set's own columns, the slope of their priors not included.
-    pub fn by_run(&self) -> &[Hints] {
-        self.views.first().map_or(&[], |view| &view.by_run)
+    /// What the training runs say, in values and not in steps from the set, without priors.
+    pub fn in_values(&self) -> Option<Normal> {
+        let mut normal = self.views.first()?.normal.clone();
+        let mut at = DVector::zeros(normal.vector.len());
+        at.rows_mut(0, self.own()).copy_from_slice(&self.set.fitted.at);
+        normal.vector += &normal.matrix * &at;
+        (0..self.own()).for_each(|i| normal.vector[i] += at[i] / self.known(i));
+        Some(normal)
     }
 }
 
@@ -566,96 +473,4 @@ fn better_half<'p>(all: &'p [Proposal], of: &Proposal) -> Option<&'p Proposal> {
         half.hypothesis.effects.len() + 1 == effects.len()
             && half.hypothesis.effects.iter().all(|id| effects.contains(id))
     })
-}
-
-/// Prior variance of a column of which nothing is known, in its unit.
-const ANY_SIZE: f64 = 1e6;
-
-/// Where a number with which an effect may enter stands: among the columns of the set, or behind them, hidden ones last.
-enum Place {
-    Own(usize),
-    New(bool, usize),
-}
-
-/// The platform at a point, if there can be one.
-fn possible_model(reference: &Reference, point: &crate::parameter_space::Point) -> Option<PlatformModel> {
-    let model = reference.model_at(point).ok()?;
-    Gyrostat::new(&model).is_ok().then_some(model)
-}
-
-/// An effect with hidden states, one unit along an entry.
-fn carried(reference: &Reference, entry: &Entry) -> Option<Carried> {
-    let (effect, values) = match entry {
-        Entry::Direction(effect, _) => (*effect, entry.values(1.0)?),
-        Entry::Parameter(column) => {
-            let effect = find(column.group)?;
-            let mut values = reference.values(effect);
-            *values.get_mut(column.index)? += column.scale;
-            (effect, values)
-        }
-    };
-    Some(Carried { effect, values })
-}
-
-/// Values of an effect to which several directions lead together.
-fn joined(reference: &Reference, effect: &dyn Effect, directions: &[(&Entry, f64)]) -> Vec<f64> {
-    let along = |entry: &Entry, units: f64| match entry {
-        Entry::Direction(_, direction) if direction.squared => units.max(0.0).sqrt(),
-        _ => units,
-    };
-    let contributions: Vec<Contribution<'_>> = directions
-        .iter()
-        .filter_map(|(entry, units)| match entry {
-            Entry::Direction(_, direction) => Some(Contribution {
-                name: &direction.name,
-                origin: &direction.origin,
-                amount: along(entry, *units) * direction.moves.first().map_or(0.0, |(_, by)| *by),
-            }),
-            Entry::Parameter(_) => None,
-        })
-        .collect();
-    let sum = || {
-        let mut values = contributions.first().map_or_else(Vec::new, |first| first.origin.to_vec());
-        for (entry, units) in directions {
-            if let Entry::Direction(_, direction) = entry {
-                for (index, by) in &direction.moves {
-                    if let Some(value) = values.get_mut(*index) {
-                        *value += along(entry, *units) * by;
-                    }
-                }
-            }
-        }
-        values
-    };
-    let values = effect.joined(&contributions).unwrap_or_else(sum);
-    let specs = effect.parameters(&reference.model);
-    values.iter().zip(&specs).map(|(value, spec)| spec.limited(*value)).collect()
-}
-
-/// Parameters of an effect that are fitted from the place to which directions lead.
-fn fitted_indices(
-    reference: &Reference,
-    effect: &dyn Effect,
-    directions: &[(&Entry, f64)],
-    values: &[f64],
-) -> Vec<usize> {
-    let moved: BTreeMap<usize, ()> = directions
-        .iter()
-        .flat_map(|(entry, _)| match entry {
-            Entry::Direction(_, direction) => direction.moves.as_slice(),
-            Entry::Parameter(_) => &[],
-        })
-        .map(|(index, _)| (*index, ()))
-        .collect();
-    let specs = effect.parameters(&reference.model);
-    let is_fitted = |(i, spec): &(usize, &whorl_dynamics::effects::ParameterSpec)| {
-        let is_zero = values.get(*i).is_none_or(|value| *value == 0.0);
-        let may_move = match spec.regressed {
-            Regressed::Never => false,
-            Regressed::UnlessZero => !is_zero,
-            Regressed::Always | Regressed::WithAmplitude => true,
-        };
-        !spec.known && (moved.contains_key(i) || (spec.role != Role::Amplitude && may_move))
-    };
-    specs.iter().enumerate().filter(is_fitted).map(|(i, _)| i).collect()
 }

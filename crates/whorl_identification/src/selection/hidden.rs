@@ -23,33 +23,26 @@ pub(crate) struct Carried {
 /// Hidden states of several effects on their way through one run.
 pub(crate) struct Carriage<'a> {
     carried: &'a [Carried],
-    now: Mutex<Now>,
-}
-
-struct Now {
-    time_ns: i64,
-    states: Vec<States>,
+    /// Now \[ns\], and the states of each.
+    now: Mutex<(i64, Vec<States>)>,
 }
 
 impl<'a> Carriage<'a> {
     pub fn new(carried: &'a [Carried]) -> Self {
-        Self { carried, now: Mutex::new(Now { time_ns: i64::MAX, states: Vec::new() }) }
+        Self { carried, now: Mutex::new((i64::MAX, Vec::new())) }
     }
 
     /// Appends the torque of each in the state of a plant, to which its hidden states are carried.
     pub fn push(&self, plant: &Plant, pushes: &mut Vec<Push>) {
-        if self.carried.is_empty() {
-            return;
-        }
         let mut now = self.now.lock().unwrap_or_else(PoisonError::into_inner);
         let (environment, time_ns) = (plant.environment(), plant.now_ns());
         // Another pass begins.
-        if time_ns < now.time_ns {
-            *now = Now { time_ns, states: vec![[0.0; MAX_HIDDEN_STATES]; self.carried.len()] };
+        if time_ns < now.0 {
+            *now = (time_ns, vec![[0.0; MAX_HIDDEN_STATES]; self.carried.len()]);
         }
-        let step_s = (time_ns - now.time_ns) as f64 * 1e-9;
-        now.time_ns = time_ns;
-        for (carried, states) in self.carried.iter().zip(&mut now.states) {
+        let step_s = (time_ns - now.0) as f64 * 1e-9;
+        now.0 = time_ns;
+        for (carried, states) in self.carried.iter().zip(&mut now.1) {
             carried.carry(&environment, states, step_s);
             pushes.push(Push::Body(carried.torque_b_n_m(&environment, states)));
         }

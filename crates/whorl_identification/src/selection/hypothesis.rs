@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use whorl_dynamics::effects::Role;
+use nalgebra::DVector;
+use whorl_dynamics::PlatformModel;
+use whorl_dynamics::effects::{Role, find};
 use whorl_prediction::{
     Fitted, Followed, Noise, PredictionError, Prepared, Rival, Settings, follow, follow_again, hints,
 };
@@ -13,6 +15,7 @@ use crate::fitting::refit::{Entered, Fit, Refit};
 use crate::parameter_space::available::Available;
 use crate::parameter_space::{Column, Point, Reference};
 use crate::selection::prior::log_prior;
+use crate::verdict::diagnosis::ParameterEstimate;
 use crate::{DiagnosisError, threads};
 
 /// Most updates of the noise levels in a fit. It bounds the work.
@@ -62,6 +65,29 @@ impl Evaluated {
         &self.hypothesis.effects
     }
 
+    pub fn owned_names(&self) -> Vec<String> {
+        self.names().iter().map(|id| (*id).to_owned()).collect()
+    }
+
+    /// Columns of an effect.
+    pub fn columns_of(&self, id: &str) -> Vec<usize> {
+        (0..self.columns.len()).filter(|i| self.columns[*i].group == id).collect()
+    }
+
+    /// The model with the fitted values.
+    pub fn model(&self, reference: &Reference) -> Result<PlatformModel, PredictionError> {
+        self.refit(reference).model_at(&self.fitted.at).ok_or(PredictionError::NoModel)
+    }
+
+    /// A fitted parameter.
+    pub fn parameter(&self, reference: &Reference, i: usize) -> ParameterEstimate {
+        let column = &self.columns[i];
+        let value = reference.value_at(&self.refit(reference).point(&self.fitted.at), column);
+        let stddev = self.fitted.covariance[(i, i)].max(0.0).sqrt() * column.scale;
+        let at_bound = self.fitted.at_bound.get(i).copied().unwrap_or(false);
+        ParameterEstimate { at_bound, ..ParameterEstimate::new(&column.name, column.unit, value, stddev) }
+    }
+
     pub fn refit<'a>(&self, reference: &'a Reference) -> Refit<'a> {
         Refit { reference, columns: self.columns.clone(), stddevs: self.stddevs.clone() }
     }
@@ -95,30 +121,37 @@ impl Evaluated {
 
     /// Whether one of its effects would have to be larger than any platform has it.
     pub fn is_at_the_end_of_a_range(&self) -> bool {
-        let is_own = |(i, column): &(usize, &Column)| {
-            column.role == Role::Amplitude
-                && self.names().contains(&column.group)
-                && self.fitted.at_bound.get(*i).copied().unwrap_or(false)
-                && self.fitted.at[*i] != 0.0
-        };
-        self.columns.iter().enumerate().any(|column| is_own(&column))
+        let amplitudes =
+            self.names().iter().flat_map(|id| self.columns_of(id)).filter(|i| self.is_amplitude(*i));
+        let is_at_end = |i: usize| self.fitted.at_bound.get(i).copied().unwrap_or(false);
+        amplitudes.filter(|i| is_at_end(*i)).any(|i| self.fitted.at[i] != 0.0)
     }
 
-    /// Half the squared distance of what it holds beside a smaller set from none, in deviations, at the shapes that were found: what these effects
-    /// gain by themselves. Infinite where that cannot be said, of effects that have no amplitude.
-    pub fn gain_of_effects_beside(&self, smaller: &[&'static str]) -> f64 {
-        let is_more =
-            |column: &Column| self.names().contains(&column.group) && !smaller.contains(&column.group);
-        let more: Vec<usize> = (0..self.columns.len()).filter(|i| is_more(&self.columns[*i])).collect();
-        // Without its amplitudes an effect does nothing, whatever shape it has.
-        let is_amplitude = |i: &usize| self.columns[*i].role == Role::Amplitude;
-        let at = nalgebra::DVector::from_iterator(
-            more.len(),
-            more.iter().map(|i| if is_amplitude(i) { self.fitted.at[*i] } else { 0.0 }),
-        );
+    /// Without its amplitudes an effect does nothing, whatever shape it has.
+    fn is_amplitude(&self, i: usize) -> bool {
+        self.columns[i].role == Role::Amplitude
+    }
+
+    /// Log evidence of what it holds beside a smaller set, at the shapes that were found, and the squared distance of that from none in
+    /// deviations, by its fit alone: the prior density of no effect over the posterior one (Dickey 1971). `None` where that
+    /// cannot be said, of effects that have no amplitude.
+    pub fn brought_beside(&self, smaller: &[&str]) -> Option<(f64, f64)> {
+        let more = self.names().iter().filter(|id| !smaller.contains(id));
+        let more: Vec<usize> = more.flat_map(|id| self.columns_of(id)).collect();
+        let places: Vec<usize> = (0..more.len()).filter(|k| self.is_amplitude(more[*k])).collect();
         let covariance = self.fitted.covariance.select_rows(&more).select_columns(&more);
-        let distance = covariance.cholesky().map(|factor| 0.5 * at.dot(&factor.solve(&at)));
-        distance.filter(|_| more.iter().any(is_amplitude)).unwrap_or(f64::INFINITY)
+        let all = covariance.cholesky()?.inverse();
+        let precision = all.select_rows(&places).select_columns(&places);
+        let at = DVector::from_iterator(places.len(), places.iter().map(|k| self.fitted.at[more[*k]]));
+        let distance = at.dot(&(&precision * &at));
+        let prior: f64 = places.iter().map(|k| self.stddevs[more[*k]].ln()).sum();
+        let log_evidence = 0.5 * (distance - precision.determinant().ln()) - prior;
+        (!places.is_empty()).then_some((log_evidence, distance))
+    }
+
+    /// Half that distance: what these effects gain by themselves. Infinite where that cannot be said.
+    pub fn gain_of_effects_beside(&self, smaller: &[&str]) -> f64 {
+        self.brought_beside(smaller).map_or(f64::INFINITY, |(_, distance)| 0.5 * distance)
     }
 }
 
@@ -155,89 +188,72 @@ impl Runs<'_> {
     ) -> Result<Evaluated, DiagnosisError> {
         let begun = Instant::now();
         let reference = self.reference;
+        let (base, settings) = (others.first(), &reference.settings);
         let mut refit = Refit::own(reference, self.available);
-        if let Some(base) = others.first() {
+        if let Some(base) = base {
             let deviations = base.fitted.covariance.diagonal().map(f64::sqrt);
-            let shown: Vec<bool> = deviations.iter().map(|d| *d < reference.settings.unshown).collect();
+            let shown: Vec<bool> = deviations.iter().map(|d| *d < settings.unshown).collect();
             refit.keep(&shown);
         }
         for id in &hypothesis.effects {
-            if let Some(effect) = whorl_dynamics::effects::find(id) {
+            if let Some(effect) = find(id) {
                 refit.add(effect, &hypothesis.point, hypothesis.entered.get(id));
             }
         }
         let starts = starts(&refit, &hypothesis, others);
         let rival = others.last().map_or(Rival::NONE, |from| Rival {
             followed: &from.fitted.followed,
-            log_posterior_needed: from.fitted.log_posterior
-                - log_prior(&hypothesis.effects, &reference.settings)
-                + log_prior(from.names(), &reference.settings),
+            log_posterior_needed: from.fitted.log_posterior - log_prior(&hypothesis.effects, settings)
+                + log_prior(from.names(), settings),
         });
         let fitted = refit.likeliest(self.training, &starts, rival, &self.prediction())?;
-        let held_out = match others.first() {
-            Some(base) if fitted.log_posterior <= base.fitted.log_posterior => base.held_out.clone(),
-            base => self.follow_held_out(&refit, &fitted.at, base.map_or(&[], |base| &base.held_out))?,
-        };
-        let held_out_expected = match others.first() {
-            Some(base) if fitted.log_posterior > base.fitted.log_posterior => {
-                self.expected_of_held_out(&refit, &hypothesis, &fitted.at, base)?
-            }
-            _ => None,
-        };
-        Ok(Evaluated {
+        let mut found = Evaluated {
             log_evidence: fitted.log_evidence - hypothesis.choices_nats,
-            held_out_log: held_out.iter().map(Followed::log_likelihood).sum(),
-            held_out_expected,
+            held_out_log: 0.0,
+            held_out_expected: None,
+            held_out: Vec::new(),
             hypothesis,
             columns: refit.columns,
             stddevs: refit.stddevs,
             fitted,
-            held_out,
-            seconds: begun.elapsed().as_secs_f64(),
-        })
-    }
-
-    /// A set fitted again with the noise levels of another one that holds it: neither may win by levels that the other was not offered.
-    pub fn with_levels_of(&self, set: &Evaluated, other: &Evaluated) -> Result<Evaluated, DiagnosisError> {
-        let again = self.refitted(set, other)?;
-        Ok(if again.log_evidence > set.log_evidence { again } else { set.clone() })
+            seconds: 0.0,
+        };
+        match base.filter(|base| found.fitted.log_posterior <= base.fitted.log_posterior) {
+            Some(base) => found.held_out.clone_from(&base.held_out),
+            None => {
+                self.follow_held_out(&mut found, base.map_or(&[], |base| &base.held_out))?;
+                let expected = base.map(|base| self.expected_of_held_out(&found, base)).transpose()?;
+                found.held_out_expected = expected.flatten();
+            }
+        }
+        found.held_out_log = found.held_out.iter().map(Followed::log_likelihood).sum();
+        found.seconds = begun.elapsed().as_secs_f64();
+        Ok(found)
     }
 
     /// A set fitted again from its values and the noise levels of another one.
     pub fn refitted(&self, set: &Evaluated, other: &Evaluated) -> Result<Evaluated, DiagnosisError> {
         let begun = Instant::now();
-        let refit = set.refit(self.reference);
         let rival = Rival { followed: &other.fitted.followed, log_posterior_needed: f64::NEG_INFINITY };
-        let fitted = refit.likeliest(
-            self.training,
-            std::slice::from_ref(&set.fitted.at),
-            rival,
-            &self.prediction(),
-        )?;
-        let held_out = self.follow_held_out(&refit, &fitted.at, &set.held_out)?;
-        Ok(Evaluated {
-            log_evidence: fitted.log_evidence - set.hypothesis.choices_nats,
-            held_out_log: held_out.iter().map(Followed::log_likelihood).sum(),
-            fitted,
-            held_out,
-            seconds: set.seconds + begun.elapsed().as_secs_f64(),
-            ..set.clone()
-        })
+        let starts = std::slice::from_ref(&set.fitted.at);
+        let mut again = set.clone();
+        again.fitted =
+            set.refit(self.reference).likeliest(self.training, starts, rival, &self.prediction())?;
+        again.log_evidence = again.fitted.log_evidence - set.hypothesis.choices_nats;
+        self.follow_held_out(&mut again, &set.held_out)?;
+        again.held_out_log = again.held_out.iter().map(Followed::log_likelihood).sum();
+        again.seconds += begun.elapsed().as_secs_f64();
+        Ok(again)
     }
 
     /// By how much held-out recordings should be likelier with these values than with those of no effect. With d how far the two are apart and G the
     /// information of the recordings on the values, that is d G d/2 on average. Of effects with states of their own it is not found.
-    fn expected_of_held_out(
-        &self,
-        refit: &Refit<'_>,
-        hypothesis: &Hypothesis,
-        units: &[f64],
-        base: &Evaluated,
-    ) -> Result<Option<f64>, DiagnosisError> {
-        if self.held_out.is_empty() || has_hidden_states(refit, hypothesis) {
+    fn expected_of_held_out(&self, set: &Evaluated, base: &Evaluated) -> Result<Option<f64>, DiagnosisError> {
+        let refit = set.refit(self.reference);
+        if self.held_out.is_empty() || has_hidden_states(&refit, &set.hypothesis) {
             return Ok(None);
         }
-        let model_at = |units: &[f64]| refit.model_at(units);
+        let units = &set.fitted.at;
         let apart = refit.columns.iter().zip(units).map(|(column, units)| {
             let known = base.columns.iter().position(|own| own.is(column));
             match (known, column.role) {
@@ -247,37 +263,26 @@ impl Runs<'_> {
                 (None, _) => 0.0,
             }
         });
-        let apart = nalgebra::DVector::from_iterator(units.len(), apart);
-        let all = hints(
-            self.held_out,
-            &refit.parameters(),
-            &model_at,
-            units,
-            &base.held_out,
-            &[],
-            &self.prediction(),
-        )?;
+        let apart = DVector::from_iterator(units.len(), apart);
+        let (parameters, model_at) = (refit.parameters(), |units: &[f64]| refit.model_at(units));
+        let (held_out, settings) = (&base.held_out, self.prediction());
+        let all = hints(self.held_out, &parameters, &model_at, units, held_out, &[], &settings)?;
         Ok(Some(all.iter().map(|of_run| 0.5 * apart.dot(&(&of_run.information * &apart))).sum()))
     }
 
     /// Held-out recordings with values that were fitted to the training ones; `before`: with another model close by, or none.
-    fn follow_held_out(
-        &self,
-        refit: &Refit<'_>,
-        units: &[f64],
-        before: &[Followed],
-    ) -> Result<Vec<Followed>, DiagnosisError> {
-        let model = refit.model_at(units).ok_or(PredictionError::NoModel)?;
+    fn follow_held_out(&self, set: &mut Evaluated, before: &[Followed]) -> Result<(), DiagnosisError> {
+        let model = set.model(self.reference)?;
         let runs: Vec<usize> = (0..self.held_out.len()).collect();
         let tried = |run: &usize| -> Result<Followed, DiagnosisError> {
             let case = Prepared::new(&self.held_out[*run], &model, self.prediction())?;
             let stated = Noise::stated(&case)?;
-            Ok(match before.get(*run) {
-                Some(before) => follow_again(&case, &stated, before),
-                None => follow(&case, &stated),
-            })
+            Ok(before
+                .get(*run)
+                .map_or_else(|| follow(&case, &stated), |before| follow_again(&case, &stated, before)))
         };
-        threads::map(self.threads, &runs, tried).into_iter().collect()
+        set.held_out = threads::map(self.threads, &runs, tried).into_iter().collect::<Result<_, _>>()?;
+        Ok(())
     }
 }
 
@@ -311,9 +316,6 @@ fn starts(refit: &Refit<'_>, hypothesis: &Hypothesis, others: &[&Evaluated]) -> 
 }
 
 fn has_hidden_states(refit: &Refit<'_>, hypothesis: &Hypothesis) -> bool {
-    let has_states = |id: &&'static str| {
-        whorl_dynamics::effects::find(id)
-            .is_some_and(|effect| effect.hidden_states(&refit.reference.model) > 0)
-    };
-    hypothesis.effects.iter().any(has_states)
+    let mut effects = hypothesis.effects.iter().filter_map(|id| find(id));
+    effects.any(|effect| effect.hidden_states(&refit.reference.model) > 0)
 }

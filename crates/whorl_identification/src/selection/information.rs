@@ -5,18 +5,17 @@
 //! expectation needs no noise drawn: if explanation A is true, further data with the normal matrix N have the
 //! expected right-hand side N theta_A, and every explanation is fitted again to it together with the data at hand.
 
-use nalgebra::DVector;
 use whorl_dynamics::effects::find;
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_math::statistics::normal_probability;
-use whorl_prediction::{Followed, Hints, Noise, Prepared, follow};
+use whorl_prediction::{Followed, Noise, Prepared, follow};
 use whorl_recording::Recording;
 
 use crate::case::Case;
 use crate::fitting::normal_equations::{Estimate, Normal};
 use crate::parameter_space::available::Available;
 use crate::selection::prior::{SIZES, log_prior, size_penalty_nats};
-use crate::selection::{Beside, Evaluated, Runs, Selection, is_excluded};
+use crate::selection::{Beside, Evaluated, Runs, Selection};
 use crate::{DiagnosisError, Options, threads};
 
 /// Information in data on which explanation is true: as it is, or as it is expected to be.
@@ -66,75 +65,49 @@ pub fn expected_information(
     let as_stated = Options { delaying: Some(delaying.clone()), ..options.clone() };
     let mut case = Case::new(training, further, model, prior, &as_stated)?;
     // Actuators and sensors that only the further recordings have make more effects testable.
-    case.available = Available::of(training, delaying).or(&Available::of(further, delaying));
-    let (available, further) = (&case.available, &*case.held_out);
-    let runs = Runs { held_out: &[], ..case.runs() };
-    let mut selection = Selection::begun(runs, options)?;
-    let leading = leading(&mut selection, explanations, options)?;
-    let told = crate::selection::Told::of(&selection.observed, &selection.lines, available.sample_s);
-    let is_asked = |effect: &dyn whorl_dynamics::Effect| !is_excluded(options, effect.info().id);
-    let nothing = || InformationByRun {
-        with: vec![ExpectedInformation::default(); further.len()],
-        ..InformationByRun::default()
+    case.available = Available::of(training.iter().chain(further), delaying);
+    let selection = Selection::begun(Runs { held_out: &[], ..case.runs() }, options)?;
+    let leading = leading(&selection, explanations, options)?;
+    let beside = selection.beside(&leading, options)?;
+    let Some((at_hand, beside)) = beside.and_then(|beside| Some((beside.in_values()?, beside))) else {
+        let with = vec![ExpectedInformation::default(); further.len()];
+        return Ok(InformationByRun { with, ..InformationByRun::default() });
     };
-    let Some(beside) = Beside::new(&runs, &leading, &told.clues(), is_asked, None)? else {
-        return Ok(nothing());
-    };
-    let at_hand = absolute(beside.by_run(), &beside);
-    let of_further = normals_of(&runs, &leading, further, &beside)?;
+    let of_further = normals_of(&selection.runs, &case.held_out, &beside)?;
     let rivals: Vec<Rival<'_>> =
         explanations.iter().filter_map(|set| Rival::of(&beside, set, &at_hand)).collect();
-    let most = rivals.iter().map(|rival| rival.weight).fold(f64::NEG_INFINITY, f64::max);
-    let weights: Vec<f64> = rivals.iter().map(|rival| (rival.weight - most).exp()).collect();
     let none = Normal::zeros(at_hand.vector.len());
-    let mut now = expected_of(&beside, &at_hand, &none, &rivals, &weights);
-    let mut weights_now: Vec<f64> = rivals.iter().map(|rival| rival.weight).collect();
-    weights_now.sort_by(|a, b| b.total_cmp(a));
-    now.log_odds = match weights_now.as_slice() {
-        [first, second, ..] => Some(first - second),
-        _ => None,
-    };
-    let with = |added: &Normal| expected_of(&beside, &at_hand, added, &rivals, &weights);
+    let mut now = expected_of(&beside, &at_hand, &none, &rivals);
+    let mut weights: Vec<f64> = rivals.iter().map(|rival| rival.weight).collect();
+    weights.sort_by(|a, b| b.total_cmp(a));
+    now.log_odds = weights.first().zip(weights.get(1)).map(|(first, second)| first - second);
+    let with = |added: &Normal| expected_of(&beside, &at_hand, added, &rivals);
     Ok(InformationByRun { now, with: of_further.iter().map(with).collect() })
 }
 
 /// The leading explanation where it fits the data at hand; that of no effects where it cannot enter.
 fn leading(
-    selection: &mut Selection<'_>,
+    selection: &Selection<'_>,
     explanations: &[Vec<String>],
     options: &Options,
 ) -> Result<Evaluated, DiagnosisError> {
-    let base = selection.base().clone();
+    let base = selection.base();
     let ids: Vec<&'static str> =
         explanations.first().into_iter().flatten().filter_map(|id| Some(find(id)?.info().id)).collect();
-    if ids.is_empty() {
-        return Ok(base);
-    }
-    let hypothesis = selection.beside(&base, options)?.and_then(|beside| beside.with(&ids));
-    let Some(hypothesis) = hypothesis else { return Ok(base) };
-    Ok(DiagnosisError::possible(selection.runs.evaluate(hypothesis, &[&base]))?.unwrap_or(base))
-}
-
-/// Normal equations in values and not in steps from the set.
-fn absolute(by_run: &[Hints], beside: &Beside<'_>) -> Normal {
-    let mut normal = Normal::about(by_run, &[], &[]);
-    let mut at = DVector::zeros(normal.vector.len());
-    for (value, fitted) in at.iter_mut().zip(&beside.set.fitted.at) {
-        *value = *fitted;
-    }
-    normal.vector += &normal.matrix * at;
-    normal
+    let beside = if ids.is_empty() { None } else { selection.beside(base, options)? };
+    let hypothesis = beside.and_then(|beside| beside.with(&ids));
+    let Some(hypothesis) = hypothesis else { return Ok(base.clone()) };
+    let found = DiagnosisError::possible(selection.runs.evaluate(hypothesis, &[base]))?;
+    Ok(found.unwrap_or_else(|| base.clone()))
 }
 
 /// What each further recording says by its motion.
 fn normals_of(
     runs: &Runs<'_>,
-    leading: &Evaluated,
     further: &[Recording],
     beside: &Beside<'_>,
 ) -> Result<Vec<Normal>, DiagnosisError> {
-    let model = leading.refit(runs.reference).model_at(&leading.fitted.at);
-    let model = model.ok_or(whorl_prediction::PredictionError::NoModel)?;
+    let model = beside.set.model(runs.reference)?;
     let followed = |run: &Recording| -> Result<Followed, DiagnosisError> {
         let case = Prepared::new(run, &model, runs.prediction())?;
         Ok(follow(&case, &Noise::stated(&case)?))
@@ -142,67 +115,60 @@ fn normals_of(
     let all: Result<Vec<Followed>, DiagnosisError> =
         threads::map(runs.threads, further, followed).into_iter().collect();
     let hints = beside.hints(runs, further, &all?)?;
-    Ok(hints.iter().map(|of| Normal::about(std::slice::from_ref(of), &[], &[])).collect())
+    Ok(hints.iter().map(|of| Normal::about([of], &[], &[])).collect())
 }
 
 /// An explanation fitted to data.
 struct Rival<'b> {
-    set: Vec<&'b str>,
+    set: &'b [String],
     estimate: Estimate,
     /// Log posterior, up to a constant.
     weight: f64,
 }
 
+/// Columns that take part, the sizes of those that entered, and the fit.
+type Entered = (Vec<usize>, Vec<(usize, f64)>, Estimate);
+
 impl<'b> Rival<'b> {
     /// Each effect in the way, and of the size, that these data like best; `None` if one cannot enter.
     fn of(beside: &Beside<'_>, set: &'b [String], data: &Normal) -> Option<Self> {
         let settings = &beside.reference().settings;
-        // Effects of the leading explanation take no part but where they are in the set.
-        let is_own = |i: &usize| {
-            let group = beside.set.columns[*i].group;
-            !beside.set.names().contains(&group) || set.iter().any(|id| id == group)
-        };
-        let mut active: Vec<usize> = (0..beside.own()).filter(is_own).collect();
-        let mut sizes: Vec<(usize, f64)> = Vec::new();
-        let mut choices = 0.0;
-        let fit = |active: &[usize], sizes: &[(usize, f64)]| {
+        let fit = |active: Vec<usize>, sizes: Vec<(usize, f64)>| -> Option<Entered> {
             let variance = |i: usize| {
                 let size = sizes.iter().find(|(column, _)| *column == i);
                 size.map_or_else(|| beside.known(i), |(_, size)| beside.entering_variance(i, *size))
             };
-            Estimate::new(data, active, variance)
+            let estimate = Estimate::new(data, &active, variance)?;
+            Some((active, sizes, estimate))
         };
-        let mut best = fit(&active, &sizes)?;
+        // Effects of the leading explanation take no part but where they are in the set.
+        let left_out: Vec<usize> = (beside.set.names().iter())
+            .filter(|id| set.iter().all(|own| own != *id))
+            .flat_map(|id| beside.set.columns_of(id))
+            .collect();
+        let own = (0..beside.own()).filter(|i| !left_out.contains(i));
+        let mut best = fit(own.collect(), Vec::new())?;
+        let mut choices = 0.0;
         for id in set.iter().filter(|id| !beside.set.names().contains(&id.as_str())) {
             let options = beside.options(id);
-            let ways = (options.len() as f64).ln();
-            let mut entered: Option<(f64, Entered)> = None;
-            for option in &options {
-                for size in SIZES {
-                    let mut with = active.clone();
-                    with.extend(option.iter().filter(|i| !active.contains(i)));
-                    let mut of_sizes = sizes.clone();
-                    of_sizes.extend(option.iter().map(|i| (*i, size)));
-                    let Some(estimate) = fit(&with, &of_sizes) else { continue };
-                    let penalty = ways + size_penalty_nats(size, settings);
-                    let worth = estimate.log_evidence - penalty;
-                    if entered.as_ref().is_none_or(|(most, _)| worth > *most) {
-                        entered = Some((worth, (with, of_sizes, estimate)));
-                    }
-                }
-            }
-            let (worth, with) = entered?;
-            choices += with.2.log_evidence - worth;
-            (active, sizes, best) = with;
+            let penalty = |size: f64| (options.len() as f64).ln() + size_penalty_nats(size, settings);
+            let tried = options.iter().flat_map(|option| SIZES.map(|size| (option, size)));
+            let entered = tried.filter_map(|(option, size)| {
+                let (mut active, mut sizes) = (best.0.clone(), best.1.clone());
+                active.extend(option.iter().filter(|i| !best.0.contains(i)));
+                sizes.extend(option.iter().map(|i| (*i, size)));
+                Some((penalty(size), fit(active, sizes)?))
+            });
+            let worth = |(penalty, (_, _, estimate)): &(f64, Entered)| estimate.log_evidence - penalty;
+            let (penalty, with) = entered.max_by(|a, b| worth(a).total_cmp(&worth(b)))?;
+            choices += penalty;
+            best = with;
         }
-        let set: Vec<&str> = set.iter().map(String::as_str).collect();
-        let weight = best.log_evidence - choices + log_prior(&set, settings);
-        Some(Self { set, estimate: best, weight })
+        let (_, _, estimate) = best;
+        let weight = estimate.log_evidence - choices + log_prior(set, settings);
+        Some(Self { set, estimate, weight })
     }
 }
-
-/// Columns that take part, the sizes of those that entered, and the fit.
-type Entered = (Vec<usize>, Vec<(usize, f64)>, Estimate);
 
 /// Lead in log posterior from which an explanation is sure.
 fn sure_lead(sure: f64) -> f64 {
@@ -222,44 +188,40 @@ fn expected_of(
     data: &Normal,
     added: &Normal,
     rivals: &[Rival<'_>],
-    weights: &[f64],
 ) -> ExpectedInformation {
     let settings = &beside.reference().settings;
-    let columns = data.vector.len();
+    let mut both = data.clone();
+    both.matrix += &added.matrix;
+    let most = rivals.iter().map(|rival| rival.weight).fold(f64::NEG_INFINITY, f64::max);
     let (mut odds, mut told, mut sum) = (0.0, 0.0, 0.0);
-    for (truth, (rival, share)) in rivals.iter().zip(weights).enumerate() {
+    for (truth, rival) in rivals.iter().enumerate() {
         // What the added data are expected to hold if this one is true.
-        let mut expected = data.clone();
-        expected.matrix += &added.matrix;
-        expected.vector += &added.matrix * rival.estimate.spread(columns);
-        let sets: Vec<Vec<String>> =
-            rivals.iter().map(|r| r.set.iter().map(|id| (*id).to_owned()).collect()).collect();
-        let anew: Vec<Option<Rival<'_>>> = sets.iter().map(|set| Rival::of(beside, set, &expected)).collect();
-        let Some(own) = anew.get(truth).and_then(Option::as_ref) else { continue };
-        let leads: Vec<(f64, f64)> = anew
-            .iter()
-            .enumerate()
-            .filter(|(k, _)| *k != truth)
-            .filter_map(|(_, other)| other.as_ref())
-            .map(|other| (own.weight - other.weight, own.estimate.drop - other.estimate.drop))
-            .collect();
+        let mut expected = both.clone();
+        expected.vector += &added.matrix * rival.estimate.spread(data.vector.len());
+        let mut anew: Vec<Option<Rival<'_>>> =
+            rivals.iter().map(|rival| Rival::of(beside, rival.set, &expected)).collect();
+        let Some(own) = anew.swap_remove(truth) else { continue };
+        let lead = |other: &Rival<'_>| (own.weight - other.weight, own.estimate.drop - other.estimate.drop);
+        let leads: Vec<(f64, f64)> = anew.iter().flatten().map(lead).collect();
         let Some(least) = leads.iter().map(|l| l.0).min_by(f64::total_cmp) else { continue };
+        let share = (rival.weight - most).exp();
         odds += share * least;
         told += share * leads.iter().map(|l| probability_of_telling(*l, settings.sure)).fold(1.0, f64::min);
         sum += share;
     }
     let mean = |of: f64| (sum > 0.0).then(|| of / sum);
-    let (log_odds, told_apart) = (mean(odds), mean(told));
-    let mut both = data.clone();
-    both.matrix += &added.matrix;
-    let (mut shown, mut not_shown) = (Vec::new(), Vec::new());
     let is_other = |id: &&str| find(id).is_some_and(|effect| !effect.is_base());
-    for id in beside.effects().filter(is_other) {
-        let largest = beside.detectability_in(&both, id);
-        let list = if largest > settings.clear_misfit { &mut shown } else { &mut not_shown };
-        list.push(id.to_owned());
+    let (shown, not_shown): (Vec<&str>, Vec<&str>) = beside
+        .effects()
+        .filter(is_other)
+        .partition(|id| beside.detectability_in(&both, id) > settings.clear_misfit);
+    let owned = |ids: Vec<&str>| ids.into_iter().map(str::to_owned).collect();
+    ExpectedInformation {
+        log_odds: mean(odds),
+        told_apart: mean(told),
+        shown: owned(shown),
+        not_shown: owned(not_shown),
     }
-    ExpectedInformation { log_odds, told_apart, shown, not_shown }
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ pub(crate) mod prior;
 pub(crate) mod unlisted;
 
 use whorl_dynamics::Effect;
-use whorl_dynamics::effects::{Clues, Resonance};
+use whorl_dynamics::effects::Clues;
 
 use crate::signals::lines::Lines;
 use crate::signals::seen::Seen;
@@ -17,7 +17,7 @@ use crate::{DiagnosisError, Options, Progress, Settings};
 
 pub(crate) use beside::{Beside, View};
 pub(crate) use hypothesis::{Evaluated, Hypothesis, Runs};
-use prior::{log_prior, smaller_sets};
+use prior::log_prior;
 
 /// Sets that are fitted at most, that of no effects included.
 const MOST_FITS: usize = 18;
@@ -44,46 +44,6 @@ pub(crate) struct Selection<'a> {
     pub lines: Lines,
     /// What the samples say beside sets that were looked at, by their names.
     views: Vec<(Vec<&'static str>, Vec<View>)>,
-}
-
-/// What effects are told of data to find where they may start.
-pub(crate) struct Told {
-    lines_hz: Vec<f64>,
-    resonances: Vec<Resonance>,
-    largest_rate_rad_s: f64,
-    largest_tilt_rad: f64,
-    sample_s: f64,
-}
-
-impl Told {
-    pub fn of(observed: &[Observed<'_>], lines: &Lines, sample_s: f64) -> Self {
-        let free = || observed.iter().filter(|run| !run.clamped).map(|run| &run.motion);
-        let rates = free().flat_map(|motion| &motion.omega).map(nalgebra::Vector3::amax);
-        let tilts = free().flat_map(|motion| &motion.q).map(whorl_math::tilt_rad);
-        let resonance = |mode: &crate::signals::modes::Mode| Resonance {
-            hz: mode.hz,
-            damping_ratio: mode.damping_ratio,
-            axis_b: mode.axis_b,
-        };
-        Self {
-            lines_hz: lines.hz.clone(),
-            resonances: lines.modes.iter().map(resonance).collect(),
-            largest_rate_rad_s: rates.fold(0.0, f64::max),
-            largest_tilt_rad: tilts.fold(0.0, f64::max),
-            sample_s,
-        }
-    }
-
-    pub fn clues(&self) -> Clues<'_> {
-        Clues {
-            bin_s: self.sample_s,
-            largest_rate_rad_s: self.largest_rate_rad_s,
-            largest_tilt_rad: self.largest_tilt_rad,
-            torque_lines_hz: &self.lines_hz,
-            sensor_lines_hz: &self.lines_hz,
-            resonances: &self.resonances,
-        }
-    }
 }
 
 impl<'a> Selection<'a> {
@@ -129,12 +89,13 @@ impl<'a> Selection<'a> {
     pub fn begun(runs: Runs<'a>, options: &Options) -> Result<Self, DiagnosisError> {
         let (mut runs, mut base) = (runs, runs.evaluate(Hypothesis::none(runs.reference), &[])?);
         let observed = observed(&runs, &base)?;
-        let model = base.refit(runs.reference).model_at(&base.fitted.at);
-        let model = model.as_ref().unwrap_or(&runs.reference.model);
-        let settings = &runs.reference.settings;
-        let is_tested = |effect: &dyn Effect| is_tested(&runs, options, effect);
-        let seen = Seen::of(&observed, model, settings, is_tested);
-        let lines = Lines::of(&observed, model, &seen.turning, settings);
+        let (model, settings) = (base.model(runs.reference)?, &runs.reference.settings);
+        let is_tested = |effect: &dyn Effect| {
+            let id = effect.info().id;
+            !is_excluded(options, id) && !runs.reference.model.effects.contains_key(id)
+        };
+        let seen = Seen::of(&observed, &model, settings, is_tested);
+        let lines = Lines::of(&observed, &model, &seen.turning, settings);
         let cell_s = settings.prediction.cell_s;
         let is_fast = || !seen.rows.is_empty() || lines.is_any_faster(FASTEST_CYCLES / cell_s, settings);
         if cell_s > 0.0 && is_fast() {
@@ -154,16 +115,38 @@ impl<'a> Selection<'a> {
         &self.evaluated[0]
     }
 
+    /// What effects are told of data to find where they may start.
+    fn clues(&self) -> Clues<'_> {
+        let motions = || self.observed.iter().filter(|run| !run.clamped).map(|run| &run.motion);
+        let rates = motions().flat_map(|motion| &motion.omega).map(nalgebra::Vector3::amax);
+        let tilts = motions().flat_map(|motion| &motion.q).map(whorl_math::tilt_rad);
+        Clues {
+            bin_s: self.runs.available.sample_s,
+            largest_rate_rad_s: rates.fold(0.0, f64::max),
+            largest_tilt_rad: tilts.fold(0.0, f64::max),
+            torque_lines_hz: &self.lines.hz,
+            sensor_lines_hz: &self.lines.hz,
+            resonances: &self.lines.resonances,
+        }
+    }
+
     /// Everything beside a set.
     pub fn beside<'s>(
         &'s self,
         set: &'s Evaluated,
         options: &Options,
     ) -> Result<Option<Beside<'s>>, DiagnosisError> {
-        let told = Told::of(&self.observed, &self.lines, self.runs.available.sample_s);
-        let is_asked = |effect: &dyn Effect| !is_excluded(options, effect.info().id);
+        self.beside_of(set, &|effect| !is_excluded(options, effect.info().id))
+    }
+
+    /// Those effects beside a set that `is_asked` chooses.
+    pub fn beside_of<'s>(
+        &'s self,
+        set: &'s Evaluated,
+        is_asked: &dyn Fn(&dyn Effect) -> bool,
+    ) -> Result<Option<Beside<'s>>, DiagnosisError> {
         let known = self.views.iter().find(|(names, _)| names == set.names());
-        Beside::new(&self.runs, set, &told.clues(), is_asked, known.map(|(_, views)| &views[..]))
+        Beside::new(&self.runs, set, &self.clues(), is_asked, known.map(|(_, views)| &views[..]))
     }
 
     /// Fits a set that was proposed beside another one, and where its noise levels and not its effects make it likelier than a smaller set, that one
@@ -183,7 +166,9 @@ impl<'a> Selection<'a> {
             if !is_smaller || gained <= found.gain_of_effects_beside(set.names()) + doubt {
                 continue;
             }
-            if let Some(again) = DiagnosisError::possible(self.runs.with_levels_of(set, &found))? {
+            // Neither may win by levels that the other was not offered.
+            let again = DiagnosisError::possible(self.runs.refitted(set, &found))?;
+            if let Some(again) = again.filter(|again| again.log_evidence > set.log_evidence) {
                 self.views.retain(|(names, _)| names != again.names());
                 *set = again;
             }
@@ -224,7 +209,11 @@ impl<'a> Selection<'a> {
         if own <= 0.0 || !is_borne_out || !explains || set.is_at_the_end_of_a_range() {
             return false;
         }
-        smaller_sets(set.names()).filter_map(|names| self.set(&names)).all(|smaller| {
+        let without = |left_out: &&'static str| {
+            let others = set.names().iter().filter(|id| *id != left_out).copied();
+            self.set(&others.collect::<Vec<_>>())
+        };
+        set.names().iter().filter_map(without).all(|smaller| {
             let gained = set.log_evidence - smaller.log_evidence;
             let of_effects = set.gain_of_effects_beside(smaller.names());
             let of_shape = settings.misspecification * (smaller.log_evidence - base.log_evidence);
@@ -251,12 +240,6 @@ fn is_borne_out(own: f64, held: f64, expected: Option<f64>, settings: &Settings)
 
 pub(crate) fn is_excluded(options: &Options, id: &str) -> bool {
     options.exclude.iter().any(|excluded| excluded == id)
-}
-
-/// Whether an effect may be read off the samples: the model does not have it, and nobody leaves it out.
-fn is_tested(runs: &Runs<'_>, options: &Options, effect: &dyn Effect) -> bool {
-    let id = effect.info().id;
-    !is_excluded(options, id) && !runs.reference.model.effects.contains_key(id)
 }
 
 #[cfg(test)]

@@ -19,15 +19,3 @@ pub(crate) fn size_penalty_nats(size: f64, settings: &Settings) -> f64 {
     let rare = if size >= settings.unusual_size { settings.unusual_odds.ln() } else { 0.0 };
     (SIZES.len() as f64).ln() + rare
 }
-
-/// Share of the evidence of an effect above which its residual is taken for another law or a random torque: that of twice the relative
-/// error that its own formula may have.
-pub(crate) fn of_other_law(settings: &Settings) -> f64 {
-    4.0 * settings.misspecification
-}
-
-/// A set with one effect left out, each in turn.
-pub(crate) fn smaller_sets(names: &[&'static str]) -> impl Iterator<Item = Vec<&'static str>> {
-    let without = |left_out: &&'static str| names.iter().filter(|id| *id != left_out).copied().collect();
-    names.iter().map(without)
-}

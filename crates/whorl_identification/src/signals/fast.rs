@@ -1,131 +1,124 @@
-//! Lines too fast for a platform's own motion: vibration of the sensors, unbalanced wheels.
-//!
-//! Far above the platform's own motion the gyro's and the accelerometer's innovations are noise plus what shakes
-//! the sensors, so a slow mean taken off them is all the model that is needed.
+//! The fast part of the innovations of gyro and accelerometer: noise plus what shakes the sensors, far above the platform's own motion.
 
-use nalgebra::Matrix3;
-use whorl_dynamics::{Effect, Gyrostat, PlatformModel};
+use nalgebra::{DMatrix, DVector, Vector3};
+use whorl_dynamics::PlatformModel;
+use whorl_math::noise::take_off_local_mean;
 
 use crate::Settings;
-use crate::signals::observed::Observed;
-use crate::verdict::diagnosis::{Candidate, ParameterEstimate};
+use crate::signals::observed::{Grid, Observed};
 
 /// Fewest samples of the gyro in which a vibration is looked for.
 const FEWEST: usize = 500;
 /// An edge of a jet is no vibration: so many deviations at most.
 const MOST_DEVIATIONS: f64 = 5.0;
+/// Samples by which an answer may lag behind the pulses of jets.
+const LAGS: usize = 4;
 
-/// The fast part of the innovations of one run on an even grid, in standard deviations of their noise; lost
-/// samples are zero. First the gyro's axes, then the accelerometer's.
+/// The fast part of one run, in standard deviations of its noise; lost samples are zero.
 pub(super) struct Fast<'a> {
-    pub settings: Settings,
     pub run: &'a Observed<'a>,
-    pub start_s: f64,
-    pub step_s: f64,
+    pub grid: &'a Grid,
+    /// The gyro's axes, then the accelerometer's.
     pub channel: [Vec<f64>; 6],
-    pub there: [Vec<bool>; 2],
-    /// Standard deviation of one sample of each channel.
-    pub stddev: [f64; 6],
+    /// The mean over so many samples to both sides is taken off every one.
+    half_window: usize,
 }
 
 impl<'a> Fast<'a> {
-    pub fn new(run: &'a Observed<'a>, settings: Settings) -> Option<Self> {
+    pub fn new(run: &'a Observed<'a>, model: &PlatformModel, settings: &Settings) -> Option<Self> {
         let grid = &run.loud;
         if run.clamped || grid.there[0].iter().filter(|there| **there).count() < FEWEST {
             return None;
         }
-        let (mut channel, there) = (grid.inertial.clone(), grid.there.clone());
-        for (c, values) in channel.iter_mut().enumerate() {
-            fast_part(values, &there[c / 3], grid.step_s, half_window_s(&settings));
+        let half_window = (0.6 / settings.slowest_vibration_hz / grid.step_s).round().max(2.0) as usize;
+        let mut fast = Self { run, grid, channel: grid.inertial.clone(), half_window };
+        for c in 0..6 {
+            let mut values = std::mem::take(&mut fast.channel[c]);
+            fast.fast_part(&mut values, c / 3, 0);
             values.iter_mut().for_each(|x| *x = x.clamp(-MOST_DEVIATIONS, MOST_DEVIATIONS));
+            fast.channel[c] = values;
         }
-        let stddev = grid.stddev.map(|stddev| stddev.max(1e-12));
-        let (start_s, step_s) = (grid.start_s, grid.step_s);
-        Some(Self { settings, run, start_s, step_s, channel, there, stddev })
+        fast.take_off_pulses(model);
+        Some(fast)
     }
 
-    /// Takes the local mean off a series of the gyro or of the accelerometer, from this sample on.
+    pub fn stddev(&self, channel: usize) -> f64 {
+        self.grid.stddev[channel].max(1e-12)
+    }
+
+    /// Takes the local mean off a series of the gyro (0) or of the accelerometer (1), from this sample on.
     pub fn fast_part(&self, values: &mut [f64], sensor: usize, from: usize) {
-        let there = &self.there[sensor][from..from + values.len()];
-        fast_part(values, there, self.step_s, half_window_s(&self.settings));
+        let there = &self.grid.there[sensor][from..from + values.len()];
+        take_off_local_mean(values, there, self.half_window);
     }
 
-    pub fn time(&self, index: usize) -> f64 {
-        self.start_s + index as f64 * self.step_s
-    }
-
-    pub fn len(&self) -> usize {
-        self.channel[0].len()
+    /// Samples while a span of time lasts, as a fractional range of the grid.
+    fn samples(&self, on_s: f64, off_s: f64) -> (f64, f64) {
+        let at = |time_s: f64| ((time_s - self.grid.start_s) / self.grid.step_s).max(0.0);
+        (at(on_s), at(off_s))
     }
 
     /// 1 while any valve is open, else 0.
     pub fn valves(&self) -> Vec<f64> {
-        let mut open = vec![0.0; self.len()];
+        let mut open = vec![0.0; self.grid.len()];
         for pulse in self.run.recording.jet_pulses.iter().flatten() {
-            let index =
-                |t: f64| (((t - self.start_s) / self.step_s).max(0.0).ceil() as usize).min(open.len());
-            let (from, to) = (index(pulse.on_s), index(pulse.off_s));
+            let (on, off) = self.samples(pulse.on_s, pulse.off_s);
+            let index = |at: f64| (at.ceil() as usize).min(open.len());
+            let (from, to) = (index(on), index(off));
             open[from..to.max(from)].fill(1.0);
         }
         open
     }
-}
 
-/// The mean over this much on both sides is taken off every sample \[s\].
-fn half_window_s(settings: &Settings) -> f64 {
-    0.6 / settings.slowest_vibration_hz
-}
-
-/// Takes the local mean off every value.
-fn fast_part(values: &mut [f64], there: &[bool], step_s: f64, half_window_s: f64) {
-    let half = (half_window_s / step_s).round().max(2.0) as usize;
-    let mut sums = Vec::with_capacity(values.len() + 1);
-    sums.push((0.0, 0.0));
-    let (mut sum, mut count) = (0.0, 0.0);
-    for (x, is_there) in values.iter().zip(there) {
-        if *is_there {
-            sum += x;
-            count += 1.0;
+    /// Takes off every channel what a short linear filter of the pulses' torque explains. Pulses of jets come in slots, with all the harmonics
+    /// of a slot, and sensors, valves and bodies that ring answer a little differently from the model: that is coherent with the pulses, and no
+    /// vibration (Bendat and Piersol 2010, section 6.2).
+    fn take_off_pulses(&mut self, model: &PlatformModel) {
+        let (run, length) = (self.run.recording, self.grid.len());
+        if run.jet_pulses.iter().all(Vec::is_empty) {
+            return;
         }
-        sums.push((sum, count));
+        // Accelerations about the three axes: the mean torque over the interval that ends with each sample. Behind them the rates that they add up to.
+        let mut torques = vec![Vector3::zeros(); length];
+        for (jet, pulses) in model.jets().iter().zip(&run.jet_pulses) {
+            for pulse in pulses {
+                let delays_s = (jet.opening_delay_s, jet.closing_delay_s);
+                let (on, off) = self.samples(pulse.on_s + delays_s.0, pulse.off_s + delays_s.1);
+                let open = torques.iter_mut().enumerate().take(off.ceil() as usize + 1).skip(on as usize);
+                for (k, torque) in open {
+                    let share = ((k as f64).min(off) - (k as f64 - 1.0).max(on)).clamp(0.0, 1.0);
+                    *torque += jet.torque_b_n_m() * share;
+                }
+            }
+        }
+        let of_axis = |axis: usize| torques.iter().map(move |torque| torque[axis]);
+        let mut inputs: Vec<Vec<f64>> = (0..3).map(|axis| of_axis(axis).collect()).collect();
+        inputs.extend((0..3).map(|axis| {
+            let mut sum = 0.0;
+            let added = |torque: f64| {
+                sum += torque;
+                sum
+            };
+            of_axis(axis).map(added).collect()
+        }));
+        for sensor in 0..2 {
+            let mut columns = Vec::with_capacity(inputs.len() * LAGS * length);
+            for (input, lag) in inputs.iter().flat_map(|input| (0..LAGS).map(move |lag| (input, lag))) {
+                let mut column = vec![0.0; lag.min(length)];
+                column.extend_from_slice(&input[..length - column.len()]);
+                self.fast_part(&mut column, sensor, 0);
+                columns.extend(column);
+            }
+            let columns = DMatrix::from_vec(length, inputs.len() * LAGS, columns);
+            let normal = columns.tr_mul(&columns);
+            // Columns that hold the same are not told apart, nor need they be.
+            let ridge = DMatrix::identity(normal.nrows(), normal.nrows()) * (1e-9 * normal.diagonal().amax());
+            let Some(factor) = (normal + ridge).cholesky() else { continue };
+            for channel in &mut self.channel[3 * sensor..3 * sensor + 3] {
+                let values = DVector::from_column_slice(channel);
+                let left = &values - &columns * factor.solve(&columns.tr_mul(&values));
+                channel.copy_from_slice(left.as_slice());
+            }
+        }
     }
-    for (i, x) in values.iter_mut().enumerate() {
-        let (from, to) = (i.saturating_sub(half), (i + half + 1).min(there.len()));
-        let (a, b) = (sums[from], sums[to]);
-        *x = if there[i] && b.1 - a.1 > half as f64 { *x - (b.0 - a.0) / (b.1 - a.1) } else { 0.0 };
-    }
-}
-
-pub(super) fn parameter(name: String, unit: &str, estimate: f64, stddev: f64) -> ParameterEstimate {
-    ParameterEstimate {
-        name,
-        unit: unit.to_owned(),
-        estimate,
-        stddev,
-        at_bound: false,
-        smallest_detectable: 5.0 * stddev,
-    }
-}
-
-pub(super) fn row(
-    effect: &dyn Effect,
-    drop: f64,
-    evidence: f64,
-    parameters: Vec<ParameterEstimate>,
-) -> Candidate {
-    Candidate {
-        effect: effect.info().id.to_owned(),
-        delta_log_evidence: evidence,
-        held_out_gain: None,
-        share_of_excess: 1.0,
-        swallowed_by_base: 0.0,
-        detectability: drop,
-        indistinguishable_from: Vec::new(),
-        parameters,
-    }
-}
-
-/// Rates of the body by a torque on it with wheels that turn freely [1/(kg m^2)].
-pub(super) fn inverse_inertia(model: &PlatformModel) -> Matrix3<f64> {
-    Gyrostat::new(model).map_or_else(|_| Matrix3::zeros(), |of| *of.rate_equation().inverse_resisting())
 }

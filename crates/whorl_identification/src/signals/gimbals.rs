@@ -12,12 +12,12 @@
 //! squares over the samples in which the gimbal turns. Its residual is correlated from sample to sample; with the
 //! correlation r of neighbours, n samples are worth n (1 - r)/(1 + r) independent ones (Bartlett 1935).
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector};
 use whorl_dynamics::effects::{Part, Signature, catalogue};
 use whorl_dynamics::{Effect, PlatformModel};
 use whorl_recording::{Recording, Series};
 
-use crate::signals::observed::{Motion, Observed};
+use crate::signals::observed::Observed;
 use crate::verdict::diagnosis::{Candidate, ParameterEstimate};
 
 /// Share of its largest rate below which the sense of a gimbal's rate is noise.
@@ -106,8 +106,7 @@ impl Rows {
             if rate.abs() <= TURNS_SHARE * fastest || rate * before <= 0.0 || now.time_s <= last.time_s {
                 continue;
             }
-            let omega = rate_at(&run.motion, now.time_s);
-            let load = of.torque_per_rate_b_n_m_s(now.angle_rad).dot(&omega);
+            let load = of.torque_per_rate_b_n_m_s(now.angle_rad).dot(&run.motion.rate(now.time_s));
             let friction = of.viscous_friction_n_m_s * rate + of.coulomb_friction_n_m * rate.signum();
             self.left_n_m.push(now.torque_n_m + load - friction);
             self.columns.push([(rate - before) / (now.time_s - last.time_s), 1.0, rate, rate.signum()]);
@@ -189,19 +188,6 @@ impl Rows {
             indistinguishable_from: Vec::new(),
             parameters: parameters.collect(),
         })
-    }
-}
-
-/// Rate of the body at a time, straight between instants [rad/s].
-fn rate_at(motion: &Motion, time_s: f64) -> Vector3<f64> {
-    let k = motion.index(time_s);
-    let at = |k: usize| Some((*motion.time_s.get(k)?, *motion.omega.get(k)?));
-    match (at(k), at(k + 1)) {
-        (Some((from_s, a)), Some((to_s, b))) if to_s > from_s => {
-            a.lerp(&b, ((time_s - from_s) / (to_s - from_s)).clamp(0.0, 1.0))
-        }
-        (Some((_, a)), _) => a,
-        _ => Vector3::zeros(),
     }
 }
 

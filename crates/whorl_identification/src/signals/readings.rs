@@ -9,8 +9,8 @@ use whorl_math::noise::{samples_together, second_differences, typical_step_s};
 use whorl_math::statistics::median;
 use whorl_recording::{Recording, Series};
 
-use crate::signals::clamped::is_clamped;
 use crate::signals::digits::{AT_END, digits_of_gyro};
+use crate::signals::is_clamped;
 
 /// Share of a sensor's range from which a sample counts as clipped.
 const CLIPPED: f64 = 0.999;
@@ -36,11 +36,24 @@ pub fn usable_readings<'a>(run: &'a Recording, model: &PlatformModel) -> (Cow<'a
     if !is_clamped(run, model) {
         let piles_up_at = digits_of_gyro(run, model).clips_at_rad_s.unwrap_or(f64::INFINITY);
         let gyro_end = (CLIPPED * sensors.gyro.errors.range).min(piles_up_at * (1.0 - AT_END));
-        left_out(&mut gyro, "gyro", gyro_end, name, &mut remarks);
         let force_end = CLIPPED * sensors.accelerometer.errors.range;
-        left_out(&mut force, "accelerometer", force_end, name, &mut remarks);
-        thin(&mut gyro, |v, i| v.get(i).copied(), "gyro", name, &mut remarks);
-        thin(&mut force, |v, i| v.get(i).copied(), "accelerometer", name, &mut remarks);
+        for (series, what, end) in [(&mut gyro, "gyro", gyro_end), (&mut force, "accelerometer", force_end)] {
+            let all = series.len() as f64;
+            let end = |values: &[Vector3<f64>]| within(values, end);
+            let checks = [
+                ("", "at the end of the sensor's range", "move more gently"),
+                ("single ", "far from those before and after", "look for a loose connection or lost bits"),
+            ];
+            for (single, place, advice) in checks {
+                let kept = if single.is_empty() { end(&series.value) } else { ordinary(&series.value) };
+                let count = keep(series, |k| kept.get(k) != Some(&false));
+                let percent = 100.0 * count as f64 / all;
+                remarks.extend((count > 0).then(|| {
+                    format!("{name}: {count} {single}{what} samples {place} were left out ({percent:.2} % of the run): {advice}.")
+                }));
+            }
+            thin(series, |v, i| v.get(i).copied(), what, name, &mut remarks);
+        }
     }
     thin(&mut speed, |v, i| v.get(i).copied(), "wheel speed", name, &mut remarks);
     if remarks.is_empty() {
@@ -56,41 +69,10 @@ pub fn usable_readings<'a>(run: &'a Recording, model: &PlatformModel) -> (Cow<'a
 }
 
 /// The same of all recordings.
-pub(crate) fn usable<'a>(
-    recordings: &'a [Recording],
-    model: &PlatformModel,
-) -> (Cow<'a, [Recording]>, Vec<String>) {
+pub(crate) fn usable(recordings: &[Recording], model: &PlatformModel) -> (Vec<Recording>, Vec<String>) {
     let (usable, remarks): (Vec<_>, Vec<_>) =
         recordings.iter().map(|run| usable_readings(run, model)).unzip();
-    let all_are_kept = usable.iter().all(|run| matches!(run, Cow::Borrowed(_)));
-    let kept = if all_are_kept {
-        Cow::Borrowed(recordings)
-    } else {
-        Cow::Owned(usable.into_iter().map(Cow::into_owned).collect())
-    };
-    (kept, remarks.concat())
-}
-
-/// Takes out what says nothing. `end`: a reading this large is at the end of the sensor's range.
-fn left_out(series: &mut Series<Vector3<f64>>, what: &str, end: f64, run: &str, remarks: &mut Vec<String>) {
-    let all = series.len();
-    let percent = |some: usize| 100.0 * some as f64 / all.max(1) as f64;
-    let inside = within(&series.value, end);
-    let clipped = keep(series, |k| inside.get(k) != Some(&false));
-    if clipped > 0 {
-        remarks.push(format!(
-            "{run}: {clipped} {what} samples at the end of the sensor's range were left out ({:.2} % of the run): move more gently.",
-            percent(clipped)
-        ));
-    }
-    let ordinary = ordinary(&series.value);
-    let spikes = keep(series, |k| ordinary.get(k) != Some(&false));
-    if spikes > 0 {
-        remarks.push(format!(
-            "{run}: {spikes} single {what} samples far from those before and after were left out ({:.2} % of the run): look for a loose connection or lost bits.",
-            percent(spikes)
-        ));
-    }
+    (usable.into_iter().map(Cow::into_owned).collect(), remarks.concat())
 }
 
 /// Of a series whose noise hangs together over some samples, as it does where its maker smoothed it, keeps one in so many: taken as independent,

@@ -10,8 +10,6 @@ use whorl_recording::Component;
 
 /// Stretches over which is summed \[s\].
 const WINDOWS_S: [f64; 2] = [1.0, 8.0];
-/// One wild sample is no slow torque.
-const MOST_DEVIATIONS: f64 = 6.0;
 
 /// Squares of sums, over what noise gives.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -35,27 +33,22 @@ impl Remains {
     pub fn significance(&self) -> f64 {
         if self.count < 1.0 { 0.0 } else { (self.square - self.count) / (2.0 * self.count).sqrt() }
     }
-
-    pub fn sums(self) -> Sums {
-        Sums { remains: self, open: BTreeMap::new() }
-    }
 }
 
-/// On the way through a run.
-pub(crate) struct Sums {
-    remains: Remains,
-    /// Of each component the sums that are not ended, each with its stretch, sum and terms.
+/// Sums on the way through a run: of each component and window the number of the stretch, the sum in it and its terms.
+#[derive(Default)]
+pub(super) struct Sums {
+    ended: Remains,
     open: BTreeMap<Component, [(i64, f64, f64); 2]>,
 }
 
 impl Sums {
-    pub fn add(&mut self, innovation: &Innovation) {
-        let open = self.open.entry(innovation.component).or_insert([(i64::MIN, 0.0, 0.0); 2]);
-        let value = innovation.normalised().clamp(-MOST_DEVIATIONS, MOST_DEVIATIONS);
+    pub fn add(&mut self, innovation: &Innovation, value: f64) {
+        let open = self.open.entry(innovation.component).or_default();
         for (slot, window_s) in open.iter_mut().zip(WINDOWS_S) {
             let stretch = (innovation.time_s / window_s).floor() as i64;
             if stretch != slot.0 {
-                self.remains = self.remains.and(of_sum(*slot));
+                self.ended = self.ended.and(of_sum(*slot));
                 *slot = (stretch, 0.0, 0.0);
             }
             slot.1 += value;
@@ -64,8 +57,7 @@ impl Sums {
     }
 
     pub fn end(self) -> Remains {
-        let open = self.open.values().flatten();
-        open.fold(self.remains, |remains, slot| remains.and(of_sum(*slot)))
+        self.open.into_values().flatten().fold(self.ended, |all, slot| all.and(of_sum(slot)))
     }
 }
 

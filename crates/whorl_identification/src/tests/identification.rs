@@ -6,7 +6,7 @@ use whorl_dynamics::{Gyrostat, ModelPrior, PlatformModel};
 use whorl_recording::Recording;
 
 use super::simulation::{at_balance, record, swinging, wrong_model};
-use whorl_prediction::Refusal;
+use whorl_prediction::{Refusal, Why};
 
 use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, NAMES, mass_vector};
 
@@ -43,17 +43,11 @@ fn known_actuators(model: &PlatformModel) -> ModelPrior {
 fn print(truth: &PlatformModel, found: &Identification) {
     let t = mass_vector(&truth.mass_properties);
     for (i, name) in NAMES.iter().enumerate() {
-        println!(
-            "{name} true {:.4} found {:.4} +- {:.4} (actuators known {:.4})",
-            t[i],
-            found.estimate[i],
-            found.stddev()[i],
-            found.stddev_known_actuators[i]
-        );
+        println!("{name} true {:.4} found {:.4} +- {:.4}", t[i], found.estimate[i], found.stddev()[i],);
     }
     println!(
-        "error {:?} -> {:?}, {:.1} nats, {:?} {:?}",
-        found.error_before, found.error_after, found.gain_nats, found.effects, found.findings
+        "error {:?} -> {:?}, {:?} {:?}",
+        found.error_before, found.error_after, found.others, found.findings
     );
 }
 
@@ -176,11 +170,8 @@ fn what_is_not_excited_is_not_claimed() {
     }
 }
 
-/// Revolutions per minute in one rad/s.
-const PER_MINUTE: f64 = 30.0 / std::f64::consts::PI;
-
-/// The wheel whose recorded speeds are `factor` times what they were is accused in these words, and no other.
-fn is_accused(wheel: usize, factor: f64, model: &PlatformModel, words: &str) {
+/// The wheel whose recorded speeds are turned round, if so, is accused, and no other.
+fn is_accused(wheel: usize, factor: f64, model: &PlatformModel) {
     let mut run = run_of(&PlatformModel::whorl_1_reference(), 4);
     for speeds in &mut run.wheel_speed_rad_s.value {
         speeds[wheel] *= factor;
@@ -189,14 +180,9 @@ fn is_accused(wheel: usize, factor: f64, model: &PlatformModel, words: &str) {
     let found = identified(&run, model, &ModelPrior::typical(model)).unwrap();
     let reasons: Vec<&str> = found.findings.iter().filter(|f| f.fatal).map(|f| f.text.as_str()).collect();
     println!("{name} {factor}: {reasons:?}");
-    if factor == PER_MINUTE {
-        // "wheel_x has 0.105 +- ..."
-        let share: f64 = reasons[0].split_whitespace().nth(2).unwrap().parse().unwrap();
-        assert!((share * PER_MINUTE - 1.0).abs() < 0.05, "{reasons:?}");
-    }
     let accused: Vec<&&str> = reasons.iter().filter(|r| r.starts_with("wheel_")).collect();
     assert!(
-        matches!(accused[..], [only] if only.starts_with(name) && only.contains(words)),
+        matches!(accused[..], [only] if only.starts_with(name) && only.contains("wrong way")),
         "{name}: {:?}",
         found.findings
     );
@@ -204,19 +190,17 @@ fn is_accused(wheel: usize, factor: f64, model: &PlatformModel, words: &str) {
 
 #[test]
 fn a_wheel_whose_speeds_have_the_wrong_sign_is_named() {
-    is_accused(2, -1.0, &PlatformModel::whorl_1_reference(), "wrong way");
+    is_accused(2, -1.0, &PlatformModel::whorl_1_reference());
 }
 
 #[test]
-#[ignore = "slow: four more wheels"]
-fn a_wheel_with_the_wrong_axis_or_unit_is_named() {
+#[ignore = "slow: two more wheels"]
+fn a_wheel_with_the_wrong_axis_is_named() {
     let truth = PlatformModel::whorl_1_reference();
-    is_accused(0, -1.0, &truth, "wrong way");
-    is_accused(0, PER_MINUTE, &truth, "of the strength");
-    is_accused(2, PER_MINUTE, &truth, "of the strength");
+    is_accused(0, -1.0, &truth);
     let mut turned = truth;
     turned.wheels_mut()[1].spin_axis_b = -turned.wheels()[1].spin_axis_b;
-    is_accused(1, 1.0, &turned, "wrong way");
+    is_accused(1, 1.0, &turned);
 }
 
 /// Gaps, outliers and clipped samples reduce the data and do not bias the result.
@@ -251,16 +235,16 @@ fn useless_recordings_are_refused_with_a_reason() {
     let prior = ModelPrior::typical(&truth);
     let refuse = |run: &Recording| identified(run, &truth, &prior).unwrap_err();
     let short = record(&truth, at_balance(&truth), 5.0, 1, &swinging);
-    assert!(matches!(refuse(&short), DiagnosisError::Refused(Refusal::TooShort { .. })));
+    assert!(matches!(refuse(&short), DiagnosisError::Refused(Refusal { why: Why::TooShort(..), .. })));
     let mut no_gyro = run_of(&truth, 1);
     no_gyro.gyro_b_rad_s = Default::default();
     assert!(matches!(
         refuse(&no_gyro),
-        DiagnosisError::Refused(Refusal::MissingChannel { channel: "gyro", .. })
+        DiagnosisError::Refused(Refusal { why: Why::Missing("gyro", _), .. })
     ));
     let mut wheels = run_of(&truth, 1);
     wheels.wheel_speed_rad_s.value.iter_mut().for_each(|w| w.truncate(2));
-    assert!(matches!(refuse(&wheels), DiagnosisError::Refused(Refusal::Count { given: 2, expected: 3, .. })));
+    assert!(matches!(refuse(&wheels), DiagnosisError::Refused(Refusal { why: Why::Count(_, 2, 3), .. })));
 }
 
 /// A gyro that ends well within the range that the model gives it: said, and the rest is used.
@@ -307,7 +291,7 @@ fn adopted_effects_are_no_inertia() {
     let error = normalised(&truth, &found);
     assert!(error < 27.9, "{error}");
     for (_, name, value, stddev) in effects {
-        let own = found.effects.iter().find(|p| p.name == name).unwrap();
+        let own = found.others.iter().find(|p| p.name == name).unwrap();
         assert!((own.estimate - value).abs() < 4.0 * own.stddev && own.stddev < 0.1 * stddev, "{own:?}");
     }
     // The same data without one of the two: what does not explain them is not used.
@@ -341,7 +325,7 @@ fn corrections_of_constants_are_not_counted_twice() {
     let (updated, known) = found.updated().unwrap();
     let total = |model: &PlatformModel| mass_vector(&Gyrostat::new(model).unwrap().model().mass_properties);
     let off = total(&updated) - total(&truth);
-    let of_effect = |name: &str| found.effects.iter().find(|p| p.name == name).unwrap().stddev;
+    let of_effect = |name: &str| found.others.iter().find(|p| p.name == name).unwrap().stddev;
     let own = found.stddev();
     let stddevs: [f64; MASS_PARAMETERS] = std::array::from_fn(|i| match i {
         1 => of_effect("ixy_kg_m2"),

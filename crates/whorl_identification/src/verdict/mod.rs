@@ -3,10 +3,9 @@
 pub(crate) mod answer;
 pub(crate) mod diagnosis;
 mod digits;
+mod noise;
 pub(crate) mod posterior;
 mod remarks;
 mod rows;
-mod runs;
-mod trace;
 
 pub(crate) use remarks::missing_channels;

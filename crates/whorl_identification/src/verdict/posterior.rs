@@ -1,111 +1,114 @@
 //! The posterior over sets of explanations.
 
+use std::collections::BTreeMap;
+
 use crate::Settings;
-use crate::verdict::diagnosis::{Unknown, Verdict};
+use crate::selection::{Evaluated, Selection};
+use crate::verdict::diagnosis::{FittedSet, ParameterOfSet, Termination, Unknown, Verdict};
 
-/// One explanation of the data and its weight.
-#[derive(Debug, Clone)]
-pub(crate) struct Weighted {
-    pub effects: Vec<String>,
-    /// What it holds that is unmodelled.
-    pub unknown: Option<Unknown>,
-    /// A law beside a set, not a set that was fitted.
-    pub is_law: bool,
-    /// Log posterior, up to a constant.
-    pub log_posterior: f64,
-    pub probability: f64,
-}
-
-/// Explanations with their probabilities, most probable first.
-pub(crate) fn normalised(mut all: Vec<Weighted>) -> Vec<Weighted> {
-    all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
-    let most = all.first().map_or(0.0, |w| w.log_posterior);
-    let sum: f64 = all.iter().map(|w| (w.log_posterior - most).exp()).sum();
-    for one in &mut all {
-        one.probability = (one.log_posterior - most).exp() / sum;
-    }
-    all
-}
-
-/// What follows from the probabilities.
+/// Every set and law with its probability, and what follows from these.
 #[derive(Debug, Clone)]
 pub(crate) struct Posterior {
-    /// Explanations worth mentioning, most probable first.
-    pub all: Vec<Weighted>,
+    /// Most probable first, then sets that are not admissible.
+    pub sets: Vec<FittedSet>,
     /// Probability of all that hold something unmodelled.
     pub unknown: f64,
     /// Probability that nothing is missing.
     pub nothing: f64,
-    /// Probability that makes an answer.
-    sure: f64,
-    /// Logarithm of the sum of all weights.
-    log_sum: f64,
-    /// Laws beside sets, likely or not, most probable first.
-    pub laws: Vec<Weighted>,
+    settings: Settings,
 }
 
 impl Posterior {
-    pub fn new(all: Vec<Weighted>, settings: &Settings) -> Self {
-        let mut all = normalised(all);
-        let sum = |test: &dyn Fn(&Weighted) -> bool| -> f64 {
-            all.iter().filter(|w| test(w)).map(|w| w.probability).sum()
+    /// Of sets with any probability, and with none those that are not admissible.
+    pub fn new(mut sets: Vec<FittedSet>, settings: &Settings) -> Self {
+        let admissible = || sets.iter().filter(|set| set.probability > 0.0);
+        let most = admissible().map(|set| set.log_posterior).fold(f64::NEG_INFINITY, f64::max);
+        let sum: f64 = admissible().map(|set| (set.log_posterior - most).exp()).sum();
+        for set in sets.iter_mut().filter(|set| set.probability > 0.0) {
+            set.probability = (set.log_posterior - most).exp() / sum;
+        }
+        let order = |set: &FittedSet| (set.probability, set.log_posterior);
+        sets.sort_by(|a, b| {
+            let ((pa, la), (pb, lb)) = (order(a), order(b));
+            pb.total_cmp(&pa).then(lb.total_cmp(&la))
+        });
+        let sum = |test: &dyn Fn(&FittedSet) -> bool| -> f64 {
+            sets.iter().filter(|set| test(set)).map(|set| set.probability).sum()
         };
-        let unknown = sum(&|w| w.unknown.is_some());
-        let nothing = sum(&|w| w.unknown.is_none() && w.effects.is_empty());
-        let log_sum = all.first().map_or(0.0, |most| most.log_posterior - most.probability.ln());
-        let laws = all.iter().filter(|w| w.is_law).cloned().collect();
-        all.retain(|w| w.probability > settings.worth_mentioning);
-        Self { all, unknown, nothing, sure: settings.sure, log_sum, laws }
+        let unknown = sum(&|set| set.unmodelled.is_some());
+        let nothing = sum(&|set| set.unmodelled.is_none() && set.effects.is_empty());
+        Self { sets, unknown, nothing, settings: *settings }
     }
 
-    /// Probability of an explanation with this log posterior.
-    pub fn probability(&self, log_posterior: f64) -> f64 {
-        (log_posterior - self.log_sum).exp()
+    /// Explanations worth mentioning, most probable first.
+    pub fn likely(&self) -> impl Iterator<Item = &FittedSet> {
+        self.sets.iter().take_while(|set| set.probability > self.settings.worth_mentioning)
     }
 
     /// The named sets, most probable first, until all explanations so far have the probability `sure` together.
     pub fn contenders(&self) -> Vec<Vec<String>> {
         let mut sum = 0.0;
-        let mut sets: Vec<Vec<String>> = Vec::new();
-        for one in &self.all {
-            if one.unknown.is_none() && !one.effects.is_empty() {
-                sets.push(one.effects.clone());
-            }
-            sum += one.probability;
-            if sum >= self.sure {
-                break;
-            }
-        }
-        sets
+        let needed = self.likely().take_while(|set| {
+            let is_needed = sum < self.settings.sure;
+            sum += set.probability;
+            is_needed
+        });
+        let named = needed.filter(|set| set.unmodelled.is_none() && !set.effects.is_empty());
+        named.map(|set| set.effects.clone()).collect()
     }
 
     /// Effects that are in the explanations with a probability that makes an answer, whatever else these hold.
     pub fn included(&self) -> Vec<String> {
-        let mut sums: std::collections::BTreeMap<&String, f64> = std::collections::BTreeMap::new();
-        for one in &self.all {
-            for id in &one.effects {
-                *sums.entry(id).or_default() += one.probability;
-            }
+        let mut sums: BTreeMap<&String, f64> = BTreeMap::new();
+        for set in self.likely() {
+            set.effects.iter().for_each(|id| *sums.entry(id).or_default() += set.probability);
         }
-        sums.into_iter().filter(|(_, sum)| *sum >= self.sure).map(|(id, _)| id.clone()).collect()
+        sums.into_iter().filter(|(_, sum)| *sum >= self.settings.sure).map(|(id, _)| id.clone()).collect()
     }
 
     /// The verdict; `could_see`: an effect of ordinary size would have shown.
     pub fn verdict(&self, could_see: bool) -> Verdict {
+        let sure = self.settings.sure;
         if self.unknown > 0.5 {
             return if self.included().is_empty() { Verdict::Unknown } else { Verdict::Named };
         }
         let named = 1.0 - self.unknown - self.nothing;
-        if self.nothing >= self.sure && could_see {
+        if self.nothing >= sure && could_see {
             return Verdict::NothingMissing;
         }
-        if self.nothing > 1.0 - self.sure || named <= 0.5 {
+        if self.nothing > 1.0 - sure || named <= 0.5 {
             return Verdict::NotEnoughInformation;
         }
-        match self.all.first() {
-            Some(first) if first.probability >= self.sure && first.unknown.is_none() => Verdict::Named,
+        match self.sets.first() {
+            Some(first) if first.probability >= sure && first.unmodelled.is_none() => Verdict::Named,
             _ => Verdict::Confounded,
         }
+    }
+}
+
+/// A set that was fitted, with what it was found to be worth.
+pub(super) fn fitted_set(selection: &Selection<'_>, set: &Evaluated, applied_n_m: f64) -> FittedSet {
+    let (reference, settings) = (selection.runs.reference, &selection.runs.reference.settings);
+    let parameters = set.columns.iter().enumerate().map(|(i, column)| {
+        let found = set.parameter(reference, i);
+        let (group, stddev) = (column.group.to_owned(), Some(found.stddev));
+        ParameterOfSet { group, name: found.name, unit: found.unit, value: found.estimate, stddev }
+    });
+    let has_held_out = !selection.runs.held_out.is_empty();
+    // A slow random torque may be more than background.
+    let torque_n_m = set.torque_n_m();
+    let is_loud = torque_n_m > settings.background_share * applied_n_m;
+    FittedSet {
+        effects: set.owned_names(),
+        unmodelled: is_loud.then(|| Unknown::torque_in_time(torque_n_m)),
+        parameters: parameters.collect(),
+        log_evidence: set.log_evidence,
+        held_out_gain: has_held_out.then_some(set.held_out_log - selection.base().held_out_log),
+        log_prior: selection.log_prior(set),
+        log_posterior: selection.log_posterior(set),
+        probability: f64::from(selection.is_admissible(set)),
+        termination: Some(if set.fitted.stands { Termination::Converged } else { Termination::GivenUp }),
+        seconds: set.seconds,
     }
 }
 
@@ -113,13 +116,12 @@ impl Posterior {
 mod tests {
     use super::*;
 
-    fn weighted(effects: &[&str], probability: f64) -> Weighted {
-        Weighted {
+    fn weighted(effects: &[&str], probability: f64) -> FittedSet {
+        FittedSet {
             effects: effects.iter().map(|e| (*e).to_owned()).collect(),
-            unknown: None,
-            is_law: false,
             log_posterior: probability.ln(),
-            probability: 0.0,
+            probability: 1.0,
+            ..FittedSet::default()
         }
     }
 
@@ -138,10 +140,10 @@ mod tests {
             &Settings::default(),
         );
         assert_eq!(posterior.contenders(), [["a"], ["b"], ["c"]]);
-        assert!((posterior.all[0].probability - 0.6).abs() < 1e-12);
+        assert!((posterior.sets[0].probability - 0.6).abs() < 1e-12);
         // Something unknown beside a friction that is there in any case is said with it, not in its place.
-        let with = |effects: &[&str], probability: f64| Weighted {
-            unknown: Some(Unknown::torque_in_time(1.0)),
+        let with = |effects: &[&str], probability: f64| FittedSet {
+            unmodelled: Some(Unknown::torque_in_time(1.0)),
             ..weighted(effects, probability)
         };
         let beside = Posterior::new(vec![with(&["a"], 0.9), weighted(&["a"], 0.1)], &Settings::default());

@@ -3,28 +3,8 @@
 use whorl_dynamics::effects::{Role, find};
 use whorl_prediction::Followed;
 
-use crate::fitting::normal_equations::{Estimate, Normal};
 use crate::selection::{Beside, Evaluated, Selection};
 use crate::verdict::diagnosis::{Candidate, ParameterEstimate};
-
-/// Of the drop of the misfit that an answer brings, and of what it leaves: see [`Candidate::share_of_excess`].
-struct Excess(f64);
-
-impl Excess {
-    fn of(selection: &Selection<'_>, best: &Evaluated) -> Self {
-        let base = selection.base();
-        let left: f64 = best.fitted.followed.iter().map(|run| 2.0 * run.gain_nats.max(0.0)).sum();
-        let numbers: usize = best.fitted.followed.iter().map(|run| run.undisturbed_likelihood.numbers).sum();
-        // Where nothing is named, what is within chance is no excess.
-        let noticed = selection.runs.reference.settings.noticed_stddevs;
-        let chance = if best.names().is_empty() { noticed * (2.0 * numbers as f64).sqrt() } else { 1.0 };
-        Self((drop_over(best, base) + left).max(chance))
-    }
-
-    fn share(&self, drop: f64) -> f64 {
-        (drop / self.0.max(drop)).clamp(0.0, 1.0)
-    }
-}
 
 /// By how much twice the log likelihood with a set exceeds that of another one that goes without a random torque.
 fn drop_over(set: &Evaluated, other: &Evaluated) -> f64 {
@@ -33,162 +13,65 @@ fn drop_over(set: &Evaluated, other: &Evaluated) -> f64 {
     2.0 * (loud - quiet)
 }
 
+/// Of the drop of the misfit that an answer brings, and of what it leaves: see [`Candidate::share_of_excess`].
+fn excess(selection: &Selection<'_>, best: &Evaluated) -> f64 {
+    let left: f64 = best.fitted.followed.iter().map(|run| 2.0 * run.gain_nats.max(0.0)).sum();
+    let numbers: usize = best.fitted.followed.iter().map(|run| run.undisturbed_likelihood.numbers).sum();
+    // Where nothing is named, what is within chance is no excess.
+    let noticed = selection.runs.reference.settings.noticed_stddevs;
+    let chance = if best.names().is_empty() { noticed * (2.0 * numbers as f64).sqrt() } else { 1.0 };
+    (drop_over(best, selection.base()) + left).max(chance)
+}
+
 /// One row for each effect: those of the best set, then what else was compared with it, best first.
 pub(super) fn rows(
     selection: &Selection<'_>,
     best: &Evaluated,
     beside: Option<&Beside<'_>>,
 ) -> Vec<Candidate> {
-    let excess = Excess::of(selection, best);
-    let mut rows: Vec<Candidate> =
-        best.names().iter().filter_map(|id| row_of_member(selection, best, id, beside, &excess)).collect();
-    let mut others: Vec<Candidate> = beside
-        .iter()
-        .flat_map(|beside| beside.effects().filter_map(|id| row_beside(selection, best, beside, id, &excess)))
-        .collect();
-    others.sort_by(|a, b| b.delta_log_evidence.total_cmp(&a.delta_log_evidence));
-    rows.extend(others);
-    rows
-}
-
-/// An effect of the best set, against the set without it.
-fn row_of_member(
-    selection: &Selection<'_>,
-    best: &Evaluated,
-    id: &'static str,
-    beside: Option<&Beside<'_>>,
-    excess: &Excess,
-) -> Option<Candidate> {
-    let names: Vec<&str> = best.names().iter().copied().filter(|other| *other != id).collect();
-    let smaller = selection.set(&names);
-    let own: Vec<usize> = (0..best.columns.len()).filter(|i| best.columns[*i].group == id).collect();
-    let linear = || beside.map(|beside| without_columns(best, &own, beside)).unwrap_or_default();
-    let (delta_log_evidence, drop) = match smaller {
-        Some(smaller) => (best.log_evidence - smaller.log_evidence, drop_over(best, smaller)),
-        None => linear(),
-    };
+    let (reference, excess) = (selection.runs.reference, excess(selection, best));
     let has_held_out = !selection.runs.held_out.is_empty();
-    let held_out_gain =
-        smaller.filter(|_| has_held_out).map(|smaller| best.held_out_log - smaller.held_out_log);
-    Some(Candidate {
-        effect: id.to_owned(),
-        delta_log_evidence,
-        held_out_gain,
-        share_of_excess: excess.share(drop),
-        swallowed_by_base: beside.map_or(0.0, |beside| absorbed(best, &own, beside)),
-        detectability: drop.max(0.0),
-        indistinguishable_from: Vec::new(),
-        parameters: own.iter().map(|i| estimate(selection, best, *i)).collect(),
-    })
-}
-
-/// A fitted parameter.
-fn estimate(selection: &Selection<'_>, set: &Evaluated, i: usize) -> ParameterEstimate {
-    let (column, fitted) = (&set.columns[i], &set.fitted);
-    let reference = selection.runs.reference;
-    let point = set.refit(reference).point(&fitted.at);
-    let stddev = fitted.covariance[(i, i)].max(0.0).sqrt() * column.scale;
-    ParameterEstimate {
-        name: column.name.clone(),
-        unit: column.unit.to_owned(),
-        estimate: reference.value_at(&point, column),
-        stddev,
-        at_bound: fitted.at_bound.get(i).copied().unwrap_or(false),
-        smallest_detectable: 5.0 * stddev,
-    }
-}
-
-/// The normal equations of the best set's own columns.
-fn own_normal(best: &Evaluated, beside: &Beside<'_>) -> Normal {
-    let own = best.columns.len();
-    let mut normal = Normal::zeros(own);
-    for of_run in beside.by_run() {
-        normal.matrix += of_run.information.view((0, 0), (own, own));
-    }
-    normal
-}
-
-/// Log evidence and drop of the misfit that some columns of a set bring, about its optimum. Without its amplitudes an effect does nothing, whatever
-/// its other values are: these are no part of it.
-fn without_columns(best: &Evaluated, out: &[usize], beside: &Beside<'_>) -> (f64, f64) {
-    // Of data that the optimum explains exactly.
-    let mut normal = own_normal(best, beside);
-    normal.vector = &normal.matrix * nalgebra::DVector::from_column_slice(&best.fitted.at);
-    let variance = |i: usize| best.stddevs[i].powi(2);
-    let is_amplitude = |i: &usize| best.columns[*i].role == Role::Amplitude;
-    let kept: Vec<usize> = (0..best.columns.len()).filter(|i| !out.contains(i)).collect();
-    let all: Vec<usize> = kept.iter().copied().chain(out.iter().copied().filter(is_amplitude)).collect();
-    for i in out.iter().filter(|i| !is_amplitude(i)) {
-        normal.vector -= normal.matrix.column(*i) * best.fitted.at[*i];
-    }
-    match (Estimate::new(&normal, &all, variance), Estimate::new(&normal, &kept, variance)) {
-        (Some(with), Some(without)) => (with.log_evidence - without.log_evidence, with.drop - without.drop),
-        _ => (0.0, 0.0),
-    }
-}
-
-/// Share of what some columns of a set do that its others follow.
-fn absorbed(best: &Evaluated, columns: &[usize], beside: &Beside<'_>) -> f64 {
-    let normal = own_normal(best, beside);
-    let at = &best.fitted.at;
-    let is_amplitude = |i: &&usize| best.columns[**i].role == Role::Amplitude;
-    let of_columns: nalgebra::DVector<f64> =
-        columns.iter().filter(is_amplitude).map(|i| normal.matrix.column(*i) * at[*i]).sum();
-    if of_columns.is_empty() {
-        return 0.0;
-    }
-    let alone: f64 = columns.iter().filter(is_amplitude).map(|i| at[*i] * of_columns[*i]).sum();
-    let others: Vec<usize> = (0..best.columns.len()).filter(|i| !columns.contains(i)).collect();
-    let signal = Normal { vector: of_columns, ..normal };
-    let followed = Estimate::new(&signal, &others, |i| best.stddevs[i].powi(2)).map_or(0.0, |of| of.drop);
-    if alone > 0.0 { (followed / alone).clamp(0.0, 1.0) } else { 0.0 }
-}
-
-/// An effect that the best set does not hold: as it was fitted with it, else as the samples predict it.
-fn row_beside(
-    selection: &Selection<'_>,
-    best: &Evaluated,
-    beside: &Beside<'_>,
-    id: &'static str,
-    excess: &Excess,
-) -> Option<Candidate> {
-    let mut names: Vec<&str> = best.names().iter().copied().chain([id]).collect();
-    names.sort_unstable();
-    if let Some(larger) = selection.set(&names) {
-        let own: Vec<usize> = (0..larger.columns.len()).filter(|i| larger.columns[*i].group == id).collect();
-        let drop = drop_over(larger, best) - drop_over(best, best);
-        let has_held_out = !selection.runs.held_out.is_empty();
-        return Some(Candidate {
-            effect: id.to_owned(),
-            delta_log_evidence: larger.log_evidence - best.log_evidence,
-            held_out_gain: has_held_out.then_some(larger.held_out_log - best.held_out_log),
-            share_of_excess: excess.share(drop),
-            swallowed_by_base: beside.entering(id).map_or(0.0, |entering| beside.absorbed(&entering)),
-            detectability: drop.max(0.0),
-            indistinguishable_from: Vec::new(),
-            parameters: own.iter().map(|i| estimate(selection, larger, *i)).collect(),
-        });
-    }
-    let is_hidden = find(id).is_some_and(|effect| effect.hidden_states(&selection.runs.reference.model) > 0);
-    let entering = beside.entering(id)?;
-    let parameters = beside.values(&entering).into_iter().map(|(name, unit, estimate, stddev, at_bound)| {
-        ParameterEstimate {
-            name,
-            unit: unit.to_owned(),
-            estimate,
-            stddev,
-            at_bound,
-            smallest_detectable: 5.0 * stddev,
+    // An effect with what it brings in log evidence and in the misfit, and to held-out runs.
+    let row =
+        |id: &str, log_evidence: f64, drop: f64, held_out: Option<f64>, swallowed, parameters| Candidate {
+            held_out_gain: held_out.filter(|_| has_held_out),
+            share_of_excess: (drop / excess.max(drop)).clamp(0.0, 1.0),
+            swallowed_by_base: swallowed,
+            ..Candidate::seen(id, drop.max(0.0), log_evidence, parameters)
+        };
+    let parameters = |set: &Evaluated, id: &str| -> Vec<ParameterEstimate> {
+        set.columns_of(id).into_iter().map(|i| set.parameter(reference, i)).collect()
+    };
+    let member = |id: &&'static str| {
+        let names: Vec<&str> = best.names().iter().copied().filter(|other| other != id).collect();
+        let smaller = selection.set(&names);
+        let brought = best.brought_beside(&names).unwrap_or_default();
+        let (log_evidence, drop) = smaller
+            .map_or(brought, |smaller| (best.log_evidence - smaller.log_evidence, drop_over(best, smaller)));
+        let held_out = smaller.map(|smaller| best.held_out_log - smaller.held_out_log);
+        let step = |i: usize| if best.columns[i].role == Role::Amplitude { best.fitted.at[i] } else { 0.0 };
+        let swallowed = beside.map_or(0.0, |beside| beside.absorbed(&best.columns_of(id), step));
+        row(id, log_evidence, drop, held_out, swallowed, parameters(best, id))
+    };
+    // As it was fitted with the best set, else as the samples predict it.
+    let other = |beside: &Beside<'_>, id: &'static str| {
+        let mut names: Vec<&str> = best.names().iter().copied().chain([id]).collect();
+        names.sort_unstable();
+        let entering = beside.entering(id);
+        let absorbed = entering.as_ref().map_or(0.0, |e| beside.absorbed(&e.columns, |i| e.estimate.of(i)));
+        if let Some(larger) = selection.set(&names) {
+            let log_evidence = larger.log_evidence - best.log_evidence;
+            let held_out = Some(larger.held_out_log - best.held_out_log);
+            let drop = drop_over(larger, best) - drop_over(best, best);
+            return Some(row(id, log_evidence, drop, held_out, absorbed, parameters(larger, id)));
         }
-    });
-    Some(Candidate {
-        effect: id.to_owned(),
-        delta_log_evidence: entering.gain,
-        held_out_gain: None,
-        share_of_excess: excess.share(entering.drop),
-        swallowed_by_base: if is_hidden { 0.0 } else { beside.absorbed(&entering) },
-        detectability: entering.drop.max(0.0),
-        indistinguishable_from: Vec::new(),
-        parameters: parameters.collect(),
-    })
+        let is_hidden = find(id).is_some_and(|effect| effect.hidden_states(&reference.model) > 0);
+        let entering = entering?;
+        let absorbed = if is_hidden { 0.0 } else { absorbed };
+        Some(row(id, entering.gain, entering.drop, None, absorbed, beside.values(&entering)))
+    };
+    let of_beside = beside.iter().flat_map(|beside| beside.effects().filter_map(|id| other(beside, id)));
+    let mut others: Vec<Candidate> = of_beside.collect();
+    others.sort_by(|a, b| b.delta_log_evidence.total_cmp(&a.delta_log_evidence));
+    best.names().iter().map(member).chain(others).collect()
 }

@@ -1,22 +1,23 @@
 //! What is fitted: recordings, parameters, and passes over the recordings at any of their values.
 
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use whorl_dynamics::PlatformModel;
 use whorl_recording::Recording;
 
-use super::ModelAt;
-use crate::error::PredictionError;
-use crate::laws::Laws;
-use crate::levels::{Followed, follow, follow_on, judged_again};
+use super::{ModelAt, Parameter};
+use crate::levels::Followed;
 use crate::noise::Noise;
 use crate::other::Varied;
-use crate::parameter::Parameter;
-use crate::passes::{Pass, Passes, pass, pass_near};
+use crate::passes::Pass;
 use crate::prepared::Prepared;
+use crate::refusal::PredictionError;
 use crate::settings::Settings;
 use crate::start::Start;
 
-/// An iterate: values, their log posterior, and the recordings with the model there.
+/// With what a filter runs through each recording.
+pub(super) type Runs = Vec<(Noise, Start)>;
+
 #[derive(Debug, Clone)]
 pub(super) struct Iterate {
     pub at: Vec<f64>,
@@ -24,18 +25,11 @@ pub(super) struct Iterate {
     pub followed: Vec<Followed>,
 }
 
-impl Iterate {
-    pub fn runs(&self) -> Vec<(Noise, Start)> {
-        runs_of(&self.followed)
-    }
-}
-
 /// With what filters run through recordings that were followed.
-pub(super) fn runs_of(followed: &[Followed]) -> Vec<(Noise, Start)> {
+pub(super) fn runs_of(followed: &[Followed]) -> Runs {
     followed.iter().map(|run| (run.noise.clone(), run.fitted.start.clone())).collect()
 }
 
-/// Recordings, and models with parameters.
 pub(super) struct Problem<'a> {
     pub recordings: &'a [Recording],
     pub parameters: &'a [Parameter],
@@ -44,113 +38,64 @@ pub(super) struct Problem<'a> {
 }
 
 impl Problem<'_> {
-    fn model(&self, at: &[f64]) -> Result<PlatformModel, PredictionError> {
-        (self.model_at)(at).ok_or(PredictionError::NoModel)
-    }
-
     pub fn log_prior(&self, at: &[f64]) -> f64 {
         self.parameters.iter().zip(at).map(|(p, x)| -0.5 * (x / p.stddev).powi(2)).sum()
     }
 
-    pub fn log_posterior(&self, at: &[f64], followed: &[Followed]) -> f64 {
-        followed.iter().map(Followed::log_likelihood).sum::<f64>() + self.log_prior(at)
+    /// The values with recordings that were followed with the model there.
+    pub fn iterate(&self, at: &[f64], followed: Vec<Followed>) -> Iterate {
+        let log = followed.iter().map(Followed::log_likelihood).sum::<f64>();
+        Iterate { log_posterior: log + self.log_prior(at), at: at.to_vec(), followed }
     }
 
-    /// Each recording with the levels and the start that it shows with the model there; where there are disturbances, what the model without them
-    /// makes of it may be that of the values before.
-    pub fn followed(
-        &self,
-        at: &[f64],
-        before: Option<&[Followed]>,
-    ) -> Result<Vec<Followed>, PredictionError> {
-        self.each_case(at, |case, run| {
-            let stated = Noise::stated(case)?;
-            let before = before.and_then(|before| before.get(run));
-            Ok(before.map_or_else(|| follow(case, &stated), |before| follow_on(case, &stated, before)))
-        })
+    /// log p of passes and of the values, with its slope, and the information on the parameters.
+    pub fn normal_equations(&self, at: &[f64], passes: &[Pass]) -> (f64, DVector<f64>, DMatrix<f64>) {
+        let each = || self.parameters.iter().zip(at);
+        let pulls = DVector::from_iterator(at.len(), each().map(|(p, x)| -x * p.stddev.powi(-2)));
+        let known = DVector::from_iterator(at.len(), each().map(|(p, _)| p.stddev.powi(-2)));
+        let slope = passes.iter().fold(pulls, |sum, of| sum + &of.slope);
+        let known = DMatrix::from_diagonal(&known);
+        let information = passes.iter().fold(known, |sum, of| sum + &of.sums.information);
+        (self.log(at, passes), slope, information)
     }
 
-    /// The same at the end of a fit.
-    pub fn judged_again(&self, iterate: &Iterate) -> Result<Iterate, PredictionError> {
-        let followed = self.each_case(&iterate.at, |case, run| {
-            Ok(judged_again(case, &Noise::stated(case)?, &iterate.followed[run]))
-        })?;
-        let log_posterior = self.log_posterior(&iterate.at, &followed);
-        Ok(Iterate { at: iterate.at.clone(), log_posterior, followed })
+    /// log p of passes and of the values.
+    pub fn log(&self, at: &[f64], passes: &[Pass]) -> f64 {
+        passes.iter().map(|pass| pass.likelihood.log).sum::<f64>() + self.log_prior(at)
     }
 
     /// Passes over all recordings, which keep how innovations change.
-    pub fn passes(&self, at: &[f64], runs: &[(Noise, Start)]) -> Result<Passes, PredictionError> {
+    pub fn passes(&self, at: &[f64], runs: &Runs) -> Result<Vec<Pass>, PredictionError> {
         let varied = self.varied(at)?;
-        self.each_pass(at, runs, |case, _, (noise, start)| pass(case, noise, start, &varied, None, true))
+        self.each(at, |case, run| Pass::of(case, &runs[run].0, &runs[run].1, &varied, None, true))
     }
 
-    /// The same without what they say of parameters.
-    pub fn passes_without_columns(
-        &self,
-        at: &[f64],
-        runs: &[(Noise, Start)],
-    ) -> Result<Passes, PredictionError> {
-        self.each_pass(at, runs, |case, _, (noise, start)| Ok(pass_near(case, noise, start, None)))
-    }
-
-    /// The same with the changes that innovations had in passes close by.
-    pub fn passes_near(
-        &self,
-        at: &[f64],
-        runs: &[(Noise, Start)],
-        close: &Passes,
-    ) -> Result<Passes, PredictionError> {
-        self.each_pass(at, runs, |case, run, (noise, start)| {
-            Ok(pass_near(case, noise, start, close.kept(run)))
+    /// Without columns, or with those that innovations had in passes close by.
+    pub fn passes_near(&self, at: &[f64], runs: &Runs, close: &[Pass]) -> Result<Vec<Pass>, PredictionError> {
+        self.each(at, |case, run| {
+            let kept = close.get(run).and_then(|pass| pass.kept.as_ref());
+            Ok(Pass::near(case, &runs[run].0, &runs[run].1, kept))
         })
     }
 
-    /// Passes with columns for laws as well, which are as many for each recording.
-    pub fn passes_with(
-        &self,
-        at: &[f64],
-        runs: &[(Noise, Start)],
-        varied: &[Varied],
-        laws: &[Laws<'_>],
-    ) -> Result<Passes, PredictionError> {
-        self.each_pass(at, runs, |case, run, (noise, start)| {
-            pass(case, noise, start, varied, laws.get(run), false)
-        })
-    }
-
-    /// Whether starts of recordings have the states of the model there.
-    pub fn are_of(&self, at: &[f64], runs: &[(Noise, Start)]) -> bool {
-        let Ok(model) = self.model(at) else { return false };
-        let with = self.recordings.iter().zip(runs);
-        let is_of = |(recording, (_, start)): (_, &(Noise, Start))| {
-            Prepared::new(recording, &model, *self.settings).is_ok_and(|case| start.is_of(&case))
-        };
-        with.into_iter().all(is_of)
-    }
-
-    fn each_pass(
-        &self,
-        at: &[f64],
-        runs: &[(Noise, Start)],
-        of: impl Fn(&Prepared<'_>, usize, &(Noise, Start)) -> Result<Pass, PredictionError> + Sync,
-    ) -> Result<Passes, PredictionError> {
-        self.each_case(at, |case, run| of(case, run, runs.get(run).ok_or(PredictionError::NoModel)?))
-            .map(Passes)
-    }
-
-    /// Something of each recording with the model there.
-    fn each_case<T: Send>(
+    /// Something of each recording with the model there; on one thread, or on all.
+    pub fn each<T: Send>(
         &self,
         at: &[f64],
         of: impl Fn(&Prepared<'_>, usize) -> Result<T, PredictionError> + Sync,
     ) -> Result<Vec<T>, PredictionError> {
         let model = self.model(at)?;
-        let numbers: Vec<usize> = (0..self.recordings.len()).collect();
-        let found = each(&numbers, self.settings.threads, |run| {
-            of(&Prepared::new(&self.recordings[*run], &model, *self.settings)?, *run)
-        });
-        found.into_iter().collect()
+        let one = |(run, recording): (usize, &Recording)| {
+            of(&Prepared::new(recording, &model, *self.settings)?, run)
+        };
+        if self.settings.threads.min(self.recordings.len()) < 2 {
+            return self.recordings.iter().enumerate().map(one).collect();
+        }
+        self.recordings.par_iter().enumerate().map(one).collect()
+    }
+
+    pub fn model(&self, at: &[f64]) -> Result<PlatformModel, PredictionError> {
+        (self.model_at)(at).ok_or(PredictionError::NoModel)
     }
 
     /// Models a little further along each parameter, on the side where there is one.
@@ -167,12 +112,4 @@ impl Problem<'_> {
         let all: Option<Vec<Varied>> = self.parameters.iter().enumerate().map(step).collect();
         all.ok_or(PredictionError::NoModel)
     }
-}
-
-/// The same for each, in order; on one thread, or on all.
-fn each<T: Sync, R: Send>(items: &[T], threads: usize, of: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    if threads.min(items.len()) < 2 {
-        return items.iter().map(of).collect();
-    }
-    items.par_iter().map(&of).collect()
 }

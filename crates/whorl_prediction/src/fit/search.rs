@@ -1,13 +1,13 @@
 //! Values and levels of noise by turns.
 
-use nalgebra::{Cholesky, DMatrix};
+use nalgebra::DMatrix;
 
-use super::Fitted;
-use super::ascent::{Ascent, End};
+use super::ascent::End;
 use super::problem::{Iterate, Problem, runs_of};
-use crate::error::PredictionError;
 use crate::fitted::LARGEST_MISFIT;
-use crate::levels::Followed;
+use crate::levels::{Followed, follow, followed_from};
+use crate::noise::Noise;
+use crate::refusal::PredictionError;
 
 /// Where a search ended.
 pub(super) struct Settled {
@@ -20,93 +20,89 @@ pub(super) struct Settled {
 }
 
 impl Problem<'_> {
-    /// The likeliest of these values with the levels that it shows.
-    pub fn begun(&self, starts: &[Vec<f64>]) -> Result<Iterate, PredictionError> {
-        let mut best: Option<Iterate> = None;
-        for at in starts {
-            let followed = match self.followed(at, best.as_ref().map(|best| &best.followed[..])) {
-                Err(PredictionError::NoModel) => continue,
-                other => other?,
-            };
-            let here = Iterate { log_posterior: self.log_posterior(at, &followed), at: at.clone(), followed };
-            if best.as_ref().is_none_or(|best| here.log_posterior > best.log_posterior) {
-                best = Some(here);
-            }
-        }
-        best.ok_or(PredictionError::NoModel)
+    /// Each recording with the levels and the start that it shows with the model there; where there are disturbances, what the model without them
+    /// makes of it may be that of the values before.
+    fn followed(&self, at: &[f64], before: Option<&[Followed]>) -> Result<Iterate, PredictionError> {
+        let followed = self.each(at, |case, run| {
+            let stated = Noise::stated(case)?;
+            let before = before.and_then(|before| before.get(run));
+            Ok(before
+                .map_or_else(|| follow(case, &stated), |before| followed_from(case, &stated, before, true)))
+        });
+        Ok(self.iterate(at, followed?))
     }
 
-    /// The same with the levels of a rival, of which only the likeliest needs its own: if it is not as likely as the rival, which it may
-    /// be itself.
-    pub fn begun_beside(&self, starts: &[Vec<f64>], rival: &[Followed]) -> Result<Iterate, PredictionError> {
+    /// The likeliest of these values with the levels that it shows. Those of a rival are taken, if there is one with the same states, while these are
+    /// compared: only the likeliest then needs its own, if it is not as likely as the rival, which it may be itself.
+    pub fn begun(&self, starts: &[Vec<f64>], rival: &[Followed]) -> Result<Iterate, PredictionError> {
         let runs = runs_of(rival);
-        let mut best: Option<(f64, &Vec<f64>)> = None;
-        if !starts.iter().any(|at| self.are_of(at, &runs)) {
-            return self.begun(starts);
+        let is_of = |at: &Vec<f64>| {
+            let of = self.each(at, |case, run| Ok(runs.get(run).is_some_and(|(_, start)| start.is_of(case))));
+            of.is_ok_and(|of| of.into_iter().all(|is_of| is_of))
+        };
+        if rival.is_empty() || !starts.iter().any(is_of) {
+            let mut best: Option<Iterate> = None;
+            for at in starts {
+                let here = match self.followed(at, best.as_ref().map(|best| &best.followed[..])) {
+                    Err(PredictionError::NoModel) => continue,
+                    other => other?,
+                };
+                if best.as_ref().is_none_or(|best| here.log_posterior > best.log_posterior) {
+                    best = Some(here);
+                }
+            }
+            return best.ok_or(PredictionError::NoModel);
         }
+        let mut best: Option<(f64, &Vec<f64>)> = None;
         for at in starts {
-            let log = match self.passes_without_columns(at, &runs) {
+            let log = match self.passes_near(at, &runs, &[]) {
                 Err(PredictionError::NoModel) => continue,
-                passes => passes?.log_likelihood(),
+                passes => self.log(at, &passes?),
             };
-            let here = log + self.log_prior(at);
-            if best.is_none_or(|(most, _)| here > most) {
-                best = Some((here, at));
+            if best.is_none_or(|(most, _)| log > most) {
+                best = Some((log, at));
             }
         }
-        let (log_posterior, at) = best.ok_or(PredictionError::NoModel)?;
-        let of_rival = self.log_posterior(at, rival);
-        let followed = if (log_posterior - of_rival).abs() < self.settings.fit_round_nats {
-            rival.to_vec()
-        } else {
-            self.followed(at, Some(rival))?
-        };
-        Ok(Iterate { log_posterior: self.log_posterior(at, &followed), at: at.clone(), followed })
+        let (log, at) = best.ok_or(PredictionError::NoModel)?;
+        let as_rival = self.iterate(at, rival.to_vec());
+        let is_rival = (log - as_rival.log_posterior).abs() < self.settings.fit_round_nats;
+        if is_rival { Ok(as_rival) } else { self.followed(at, Some(rival)) }
     }
 
     /// Values and levels by turns, until both stand, or nothing likelier than `least` is in sight.
     pub fn settled(&self, begun: Iterate, least: f64) -> Result<Settled, PredictionError> {
         let settings = self.settings;
-        let nothing_varies = self.parameters.is_empty();
-        let mut best =
-            Settled { iterate: begun, information: None, stands: nothing_varies, is_hopeless: false };
+        let stands = self.parameters.is_empty();
+        let mut best = Settled { iterate: begun, information: None, stands, is_hopeless: false };
         let mut levels = best.iterate.clone();
         let mut known = None;
         for round in 0..settings.fit_rounds {
             if best.stands {
                 break;
             }
-            let Ascent { at, starts, end, information, passes } =
-                self.ascent(&levels, known.take(), round == 0, least)?;
+            let (place, end, information) = self.ascent(&levels, known.take(), round == 0, least)?;
             let is_top = end == End::Top;
-            if end == End::Hopeless {
-                best.information = (at == best.iterate.at).then_some(information);
-                best.is_hopeless = true;
-                break;
-            }
-            if at == levels.at {
-                if round == 0 && is_top {
+            best.is_hopeless = end == End::Hopeless;
+            if best.is_hopeless || place.at == levels.at {
+                if is_top && round == 0 {
                     // The predicted gain was too small for a rough look.
-                    known = Some(passes);
+                    known = Some(place.passes);
                     continue;
                 }
                 // Levels that were found here are found again.
-                best.information = (at == best.iterate.at).then_some(information);
+                best.information = (place.at == best.iterate.at).then_some(information);
                 best.stands = is_top && best.information.is_some();
                 break;
             }
-            for (run, (start, own)) in levels.followed.iter_mut().zip(starts) {
-                (run.fitted.start, run.fitted.covariance) = (start, own);
+            let with_old_levels = self.log(&place.at, &place.passes);
+            for ((run, (_, start)), pass) in levels.followed.iter_mut().zip(place.runs).zip(place.passes) {
+                (run.fitted.start, run.fitted.covariance) = (start, pass.sums.own);
             }
-            let Ok(followed) = self.followed(&at, Some(&levels.followed)) else { break };
-            let with_old_levels = passes.log_likelihood() + self.log_prior(&at);
-            let are_alike = levels
-                .followed
-                .iter()
-                .zip(&followed)
-                .all(|(a, b)| a.noise.disturbance.is_some() == b.noise.disturbance.is_some());
-            let log_before = levels.log_posterior;
-            levels = Iterate { log_posterior: self.log_posterior(&at, &followed), at, followed };
+            let Ok(next) = self.followed(&place.at, Some(&levels.followed)) else { break };
+            let is_disturbed = |run: &Followed| run.noise.disturbance.is_some();
+            let are_alike =
+                levels.followed.iter().map(is_disturbed).eq(next.followed.iter().map(is_disturbed));
+            let log_before = std::mem::replace(&mut levels, next).log_posterior;
             let same = are_alike && levels.log_posterior - with_old_levels <= settings.fit_round_nats;
             if levels.log_posterior > best.iterate.log_posterior {
                 best.iterate = levels.clone();
@@ -123,39 +119,8 @@ impl Problem<'_> {
     pub fn without_disturbance(&self, iterate: &Iterate) -> Option<Iterate> {
         let runs = &iterate.followed;
         let is_close = |run: &Followed| run.undisturbed_likelihood.misfit() < LARGEST_MISFIT;
-        if !runs.iter().any(|run| run.noise.disturbance.is_some()) || !runs.iter().all(is_close) {
-            return None;
-        }
-        let followed: Vec<Followed> = runs.iter().map(Followed::without_disturbance).collect();
-        let log_posterior = self.log_posterior(&iterate.at, &followed);
-        Some(Iterate { at: iterate.at.clone(), log_posterior, followed })
-    }
-
-    pub fn fitted(
-        &self,
-        best: Iterate,
-        before: f64,
-        information: &DMatrix<f64>,
-        held: &[bool],
-        stands: bool,
-    ) -> Fitted {
-        let n = self.parameters.len();
-        let inverse = Cholesky::new(information.clone());
-        let covariance =
-            inverse.as_ref().map_or_else(|| DMatrix::from_element(n, n, f64::NAN), |c| c.inverse());
-        // log of the posterior's determinant over the prior's.
-        let narrower: f64 =
-            inverse.as_ref().map_or(f64::NAN, |c| c.l().diagonal().iter().map(|x| x.ln()).sum());
-        let known: f64 = self.parameters.iter().filter(|p| p.stddev.is_finite()).map(|p| p.stddev.ln()).sum();
-        Fitted {
-            log_evidence: best.log_posterior - narrower - known,
-            log_posterior: best.log_posterior,
-            log_posterior_before: before,
-            covariance,
-            at_bound: held.to_vec(),
-            at: best.at,
-            followed: best.followed,
-            stands,
-        }
+        let any = runs.iter().any(|run| run.noise.disturbance.is_some());
+        (any && runs.iter().all(is_close))
+            .then(|| self.iterate(&iterate.at, runs.iter().map(Followed::without_disturbance).collect()))
     }
 }

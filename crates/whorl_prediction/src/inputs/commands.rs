@@ -4,74 +4,74 @@ use std::borrow::Cow;
 
 use nalgebra::Vector3;
 use whorl_dynamics::plant::MeanInputs;
+use whorl_dynamics::platform::SensorSuite;
 use whorl_dynamics::{Gyrostat, Plant, PlatformModel};
 use whorl_recording::{Recording, Series};
 
 use crate::inputs::driven_speeds::DrivenSpeeds;
-use crate::inputs::gimbals::GimbalMotion;
 use crate::inputs::wheel_torque;
 
 /// Commands of a run in order of time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Commands<'a> {
     wheel_torque_n_m: Cow<'a, Series<Vec<f64>>>,
-    ballast_moment_b_n_m: &'a Series<Vector3<f64>>,
     body_torque_b_n_m: &'a Series<Vector3<f64>>,
-    /// Angles and rates of the gimbals, from each sample to the next.
-    gimbals: Vec<(Vec<f64>, Vec<f64>)>,
     /// Per jet: opening and closing of the flow, delays and lag included \[s\].
     flow: Vec<Vec<(f64, f64)>>,
     /// All commands to the plant in order: time and command.
     events: Vec<(i64, Event)>,
     /// Whether the wheels' torques were derived from their speeds.
     pub wheel_torque_from_speed: bool,
-    wheels: usize,
 }
 
-/// A command, most of them by their position in their series.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A command.
+#[derive(Debug, Clone, PartialEq)]
 enum Event {
+    /// By its position in the series.
     Wheels(usize),
-    Jet { jet: usize, on_time_s: f64 },
-    Ballast(usize),
-    Torque(usize),
-    Gimbals(usize),
+    Jet {
+        jet: usize,
+        on_time_s: f64,
+    },
+    Ballast(Vector3<f64>),
+    Torque(Vector3<f64>),
+    /// Angles that were measured, and rates to those of the next sample.
+    Gimbals(Vec<f64>, Vec<f64>),
 }
 
 impl<'a> Commands<'a> {
-    /// Commands of a recording. Wheels without recorded torques are driven along their measured speeds.
-    #[must_use]
-    pub fn of(recording: &'a Recording, gyrostat: &Gyrostat) -> Self {
-        let driven = wheel_torque::go_along_speeds(recording).then(|| DrivenSpeeds::of(recording));
-        Self::along(recording, gyrostat, driven.as_ref())
-    }
-
-    /// The same with the speeds along which its wheels are driven, which are the same whatever the model.
-    #[must_use]
-    pub fn along(recording: &'a Recording, gyrostat: &Gyrostat, driven: Option<&DrivenSpeeds>) -> Self {
+    /// Of a recording, with the speeds along which its wheels are driven if their torques were not recorded, which are the same whatever the model.
+    pub(crate) fn along(
+        recording: &'a Recording,
+        gyrostat: &Gyrostat,
+        driven: Option<&DrivenSpeeds>,
+    ) -> Self {
         let model = gyrostat.model();
-        let wheels = model.wheels().len();
         let wheel_torque_n_m = match driven {
             Some(speeds) => Cow::Owned(wheel_torque::from_speeds(recording, speeds, model)),
             None => Cow::Borrowed(&recording.wheel_torque_command_n_m),
         };
-        let mut events = Vec::new();
-        let ballast = &recording.ballast_moment_b_n_m;
-        let body = &recording.body_torque_b_n_m;
-        let angles = &recording.gimbal_angle_rad;
-        let mut hold = |times: &[f64], event: fn(usize) -> Event| {
-            events.extend(times.iter().enumerate().map(|(k, t)| (ns(*t), event(k))));
-        };
-        hold(&wheel_torque_n_m.time_s, Event::Wheels);
-        hold(&ballast.time_s, Event::Ballast);
-        hold(&body.time_s, Event::Torque);
-        hold(&angles.time_s, Event::Gimbals);
-        // The gimbals of the model follow those that were measured: from each sample to the next.
-        let gimbals = angles.time_s.iter().zip(&angles.value).enumerate().map(|(k, (t, angle_rad))| {
-            let next = angles.time_s.get(k + 1).copied().unwrap_or(*t);
-            (angle_rad.clone(), GimbalMotion::between(recording, *t, next).rate_rad_s)
-        });
-        let gimbals = gimbals.collect();
+        let (ballast, body) = (&recording.ballast_moment_b_n_m, &recording.body_torque_b_n_m);
+        let mut events: Vec<(i64, Event)> = Vec::new();
+        let of_wheels = wheel_torque_n_m.time_s.iter().zip(&wheel_torque_n_m.value).enumerate();
+        events.extend(of_wheels.map(|(k, (t, _))| (ns(*t), Event::Wheels(k))));
+        events.extend(ballast.time_s.iter().zip(&ballast.value).map(|(t, x)| (ns(*t), Event::Ballast(*x))));
+        events.extend(body.time_s.iter().zip(&body.value).map(|(t, x)| (ns(*t), Event::Torque(*x))));
+        let (angles, rates) = (&recording.gimbal_angle_rad, &recording.gimbal_rate_rad_s);
+        for (k, (t, angle_rad)) in angles.time_s.iter().zip(&angles.value).enumerate() {
+            let next =
+                angles.time_s.get(k + 1).zip(angles.value.get(k + 1)).filter(|(next_s, _)| *next_s > t);
+            let rate_rad_s = match next {
+                Some((next_s, next)) => {
+                    angle_rad.iter().zip(next).map(|(from, to)| (to - from) / (next_s - t)).collect()
+                }
+                None => {
+                    let last = rates.time_s.partition_point(|rate_s| rate_s <= t).saturating_sub(1);
+                    rates.value.get(last).cloned().unwrap_or_else(|| vec![0.0; angle_rad.len()])
+                }
+            };
+            events.push((ns(*t), Event::Gimbals(angle_rad.clone(), rate_rad_s)));
+        }
         // As a whole a lag gives and takes what a delay by its time would.
         let lag = gyrostat.thrust_lag();
         let mut flow = Vec::new();
@@ -85,60 +85,62 @@ impl<'a> Commands<'a> {
             }
         }
         events.sort_by_key(|(time_ns, _)| *time_ns);
-        Self {
-            wheel_torque_n_m,
-            ballast_moment_b_n_m: ballast,
-            body_torque_b_n_m: body,
-            gimbals,
-            flow,
-            events,
-            wheel_torque_from_speed: driven.is_some(),
-            wheels,
-        }
-    }
-
-    /// The first event at or after a time.
-    #[must_use]
-    pub fn first_event(&self, time_ns: i64) -> usize {
-        self.events.partition_point(|(t, _)| *t < time_ns)
+        let wheel_torque_from_speed = driven.is_some();
+        Self { wheel_torque_n_m, body_torque_b_n_m: body, flow, events, wheel_torque_from_speed }
     }
 
     /// When an event is due \[ns\].
-    #[must_use]
-    pub fn event_ns(&self, event: usize) -> Option<i64> {
+    pub(crate) fn event_ns(&self, event: usize) -> Option<i64> {
         self.events.get(event).map(|(t, _)| *t)
     }
 
     /// Passes the command to the plant. Refusals (a pulse too short for its valve) are ignored: the hardware would
     /// refuse it too.
-    pub fn tell(&self, event: usize, plant: &mut Plant) {
+    pub(crate) fn tell(&self, event: usize, plant: &mut Plant) {
         let now_ns = plant.now_ns();
         let Some((start_ns, event)) = self.events.get(event) else { return };
-        match *event {
-            Event::Wheels(k) => {
-                if let Some(torque) = self.wheel_torque_n_m.value.get(k) {
-                    let _ = plant.command_wheels(torque);
-                }
-            }
+        let _ = match event {
+            Event::Wheels(k) => plant.command_wheels(&self.wheel_torque_n_m.value[*k]).is_ok(),
             Event::Jet { jet, on_time_s } => {
-                let _ = plant.command_jet_pulse(jet, (*start_ns).max(now_ns), on_time_s);
+                plant.command_jet_pulse(*jet, (*start_ns).max(now_ns), *on_time_s).is_ok()
             }
-            Event::Ballast(k) => {
-                if let Some(moment) = self.ballast_moment_b_n_m.value.get(k) {
-                    plant.set_ballast_moment(*moment);
-                }
+            Event::Gimbals(angle_rad, rate_rad_s) => plant.move_gimbals_along(angle_rad, rate_rad_s).is_ok(),
+            Event::Ballast(moment_b_n_m) => {
+                plant.set_ballast_moment(*moment_b_n_m);
+                true
             }
-            Event::Torque(k) => {
-                if let Some(torque) = self.body_torque_b_n_m.value.get(k) {
-                    plant.set_body_torque(*torque);
-                }
+            Event::Torque(torque_b_n_m) => {
+                plant.set_body_torque(*torque_b_n_m);
+                true
             }
-            Event::Gimbals(k) => {
-                if let Some((angle_rad, rate_rad_s)) = self.gimbals.get(k) {
-                    let _ = plant.move_gimbals_along(angle_rad, rate_rad_s);
-                }
+        };
+    }
+
+    /// Advances a plant; false where its motion is lost. A command of the very instant comes after what is read
+    /// then: a controller answers to a reading, never before it.
+    pub(crate) fn run_to(&self, plant: &mut Plant, event: &mut usize, time_ns: i64) -> bool {
+        while let Some(due_ns) = self.event_ns(*event).filter(|t| *t < time_ns) {
+            if plant.advance_to(due_ns.max(plant.now_ns())).is_err() {
+                return false;
             }
+            self.tell(*event, plant);
+            *event += 1;
         }
+        plant.advance_to(time_ns.max(plant.now_ns())).is_ok()
+    }
+
+    /// Valves, gas and commands as they are at the first reading, and the next command; the motion until then is nobody's.
+    pub(crate) fn at_first_reading(&self, plant: Plant, first_ns: i64) -> (Plant, usize) {
+        let (mut moved, begun) = (plant.clone(), self.events.partition_point(|(t, _)| *t < plant.now_ns()));
+        let mut event = begun;
+        if self.run_to(&mut moved, &mut event, first_ns) { (moved, event) } else { (plant, begun) }
+    }
+
+    /// Over the window of an accelerometer whose readings show this instant \[ns\]; `None` where they are no means.
+    pub(crate) fn mean_inputs(&self, sensors: &SensorSuite, instant_ns: i64) -> Option<MeanInputs> {
+        let window_s = sensors.accelerometer.errors.averaging_window_s;
+        let (middle_s, half_s) = (instant_ns as f64 * 1e-9, 0.5 * window_s);
+        (window_s > 0.0).then(|| self.mean_between(middle_s - half_s, middle_s + half_s))
     }
 
     /// Mean inputs over a stretch of time \[s\].
@@ -169,61 +171,22 @@ impl<'a> Commands<'a> {
     /// torque about each body axis. Constant series are left out.
     #[must_use]
     pub fn inputs(&self, model: &PlatformModel, time_s: &[f64]) -> Vec<(String, Vec<f64>)> {
-        let mut columns: Vec<Input> =
-            model.wheels().iter().map(|w| Input::new(format!("{} torque", w.name))).collect();
-        let axes = ["x", "y", "z"];
-        columns.extend(axes.iter().map(|axis| Input::new(format!("jet torque {axis}"))));
-        columns.extend(axes.iter().map(|axis| Input::new(format!("outside torque {axis}"))));
-        let mut before = time_s.first().copied().unwrap_or(0.0) - 0.01;
+        let of_axes = |what: &'static str| ["x", "y", "z"].map(|axis| format!("{what} torque {axis}"));
+        let wheels = model.wheels().iter().map(|wheel| format!("{} torque", wheel.name));
+        let names = wheels.chain(of_axes("jet")).chain(of_axes("outside"));
+        let mut columns: Vec<(String, Vec<f64>)> = names.map(|name| (name, Vec::new())).collect();
+        let mut before_s = time_s.first().copied().unwrap_or(0.0) - 0.01;
         for t in time_s {
-            let drive = self.mean_between(before, *t);
-            before = *t;
-            let jets: Vector3<f64> =
-                model.jets().iter().zip(&drive.valve_fraction).map(|(jet, f)| jet.torque_b_n_m() * *f).sum();
-            let values = (0..self.wheels)
-                .map(|j| drive.wheel_torque_n_m.get(j).copied().unwrap_or(0.0))
-                .chain(jets.iter().copied())
-                .chain(drive.body_torque_b_n_m.iter().copied());
-            for (column, value) in columns.iter_mut().zip(values) {
-                column.push(value);
-            }
+            let drive = self.mean_between(before_s, *t);
+            before_s = *t;
+            let jets = model.jets().iter().zip(&drive.valve_fraction);
+            let jets: Vector3<f64> = jets.map(|(jet, share)| jet.torque_b_n_m() * *share).sum();
+            let wheels = drive.wheel_torque_n_m.iter().take(model.wheels().len());
+            let values = wheels.chain(&jets).chain(&drive.body_torque_b_n_m);
+            columns.iter_mut().zip(values).for_each(|((_, column), value)| column.push(*value));
         }
-        columns.into_iter().filter_map(Input::varying).collect()
-    }
-}
-
-/// An input while it is read: most are constant throughout, and of those nothing is stored.
-struct Input {
-    name: String,
-    first: f64,
-    /// Values that equal the first, before any other.
-    alike: usize,
-    values: Vec<f64>,
-}
-
-impl Input {
-    fn new(name: String) -> Self {
-        Self { name, first: 0.0, alike: 0, values: Vec::new() }
-    }
-
-    fn push(&mut self, value: f64) {
-        if self.alike == 0 {
-            self.first = value;
-        }
-        if self.values.is_empty() && (self.alike == 0 || value == self.first) {
-            self.alike += 1;
-            return;
-        }
-        if self.values.is_empty() {
-            self.values = vec![self.first; self.alike];
-        }
-        self.values.push(value);
-    }
-
-    /// Name and values, if it is not constant.
-    fn varying(self) -> Option<(String, Vec<f64>)> {
-        let varies = self.values.iter().any(|x| (x - self.first).abs() > 1e-9);
-        varies.then_some((self.name, self.values))
+        columns.retain(|(_, column)| column.iter().any(|x| (x - column[0]).abs() > 1e-9));
+        columns
     }
 }
 
@@ -266,7 +229,7 @@ mod tests {
             recording.wheel_torque_command_n_m.value.push(vec![torque_n_m, 0.0, -torque_n_m]);
         }
         let gyrostat = Gyrostat::new(&model).unwrap();
-        let commands = Commands::of(&recording, &gyrostat);
+        let commands = Commands::along(&recording, &gyrostat, None);
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
         let mean = commands.mean_between(0.1, 0.12);
         near(mean.valve_fraction[0], 0.7);

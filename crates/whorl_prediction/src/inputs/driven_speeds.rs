@@ -1,16 +1,10 @@
-//! Speeds of wheels as their tachometers show them, without the noise.
-//!
-//! What is driven along a noisy input seems heavier than it is: a regression on what was measured is biased towards zero by the noise's
-//! share of it. On what is expected given all readings it is not, for then the rest is independent of it (regression calibration:
-//! Carroll et al., *Measurement Error in Nonlinear Models*, 2nd ed., chapter 4). Each wheel's speed is the integral of an
-//! acceleration that walks randomly, as fast as makes its readings likeliest, smoothed forwards and backwards (Rauch, Tung and Striebel, *Maximum
-//! likelihood estimates of linear dynamic systems*, AIAA Journal 3, 1965):
+//! Speeds of wheels as their tachometers show them, without the noise (METHOD.md, "What is known of it": Carroll et al., *Measurement Error in
+//! Nonlinear Models*, 2nd ed., chapter 4). Each wheel's speed is the integral of an acceleration that walks randomly, as fast as makes its readings
+//! likeliest, smoothed forwards and backwards (Rauch, Tung and Striebel, AIAA Journal 3, 1965):
 //!
 //! ```text
 //! dOmega = alpha dt,  d alpha = white noise of density lambda R,  reading = Omega + noise of variance R
 //! ```
-//!
-//! R has its likeliest value at any lambda, so that the readings alone tell both. Wheels whose torques jump are smoothed little.
 
 use nalgebra::{Matrix2, Vector2};
 use whorl_recording::{Recording, Series};

@@ -1,9 +1,8 @@
 //! What a recording says of the inputs of its platform: commands as the model's actuators receive them, speeds of wheels whose commands were
-//! not recorded and the torques that explain them, the measured motion of gimbals, supplies.
+//! not recorded and the torques that explain them, supplies.
 
 pub(crate) mod commands;
 pub(crate) mod driven_speeds;
-mod gimbals;
 mod quiet;
 pub(crate) mod wheel_torque;
 

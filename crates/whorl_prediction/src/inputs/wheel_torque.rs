@@ -19,11 +19,8 @@ pub fn go_along_speeds(recording: &Recording) -> bool {
     recording.wheel_torque_command_n_m.is_empty() && !recording.wheel_speed_rad_s.is_empty()
 }
 
-/// A model whose wheels go as their speeds were measured: what they give the body is their inertia times their acceleration,
-/// whatever their friction, their motors and the motors' limits are. Friction that is added to the torque and taken away by the model
-/// would not cancel where a wheel turns round; of torques with the tachometers' noise a limit would take the peaks away, on one side
-/// alone; and the error of a motor, which shows in the speeds already, would count twice. Effects of motors are those that need the
-/// commands of wheels to show.
+/// A model whose wheels go as their speeds were measured: friction, motors and their limits show in the speeds already. Effects of motors are those
+/// that need the commands of wheels to show.
 #[must_use]
 pub fn along_speeds(model: &PlatformModel) -> PlatformModel {
     let mut model = model.clone();
@@ -40,15 +37,9 @@ fn is_of_motors(evidence: &[&[Need]]) -> bool {
     !evidence.is_empty() && evidence.iter().all(|needs| needs.contains(&Need::WheelCommands))
 }
 
-/// Motor torques of the wheels that explain their measured speeds \[N m\]:
-///
-/// ```text
-/// u = J (dOmega/dt + a . domega/dt) + friction
-/// ```
-///
-/// with the model's spin inertia J, axis a and friction. They replace the commands where those were not recorded. Each holds from one speed
-/// to the next and turns the wheel from the one into the other, so that over any time the momentum that the wheel gives the body has the
-/// noise of two speeds, and no more.
+/// Motor torques of the wheels that explain their measured speeds \[N m\], u = J (dOmega/dt + a . domega/dt) + friction with the model's spin inertia J,
+/// axis a and friction. Each holds from one speed to the next and turns the wheel from the one into the other, so that over any time the momentum
+/// that the wheel gives the body has the noise of two speeds, and no more.
 #[must_use]
 pub fn from_speeds(recording: &Recording, speeds: &DrivenSpeeds, model: &PlatformModel) -> Series<Vec<f64>> {
     let (gyro, speeds) = (&recording.gyro_b_rad_s, &speeds.speed_rad_s);

@@ -2,17 +2,17 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::list::{Level, Levels};
-use super::scores::Scores;
-use super::trail::Trail;
-use crate::filter::Filter;
+use super::scores::{Level, Scores};
+use crate::filter::{Filter, Likelihood};
 use crate::innovations::Innovation;
-use crate::likelihood::Likelihood;
 use crate::noise::Noise;
 use crate::prepared::Prepared;
 use crate::settings::Settings;
 use crate::start::Start;
+use crate::trail::Trail;
 
+/// Memory for a block of a way at most \[bytes\]: two minutes or more of three sensors at 100 Hz, several times the longest correlation time.
+const MOST_BYTES: usize = 24 << 20;
 /// A variance changes by this factor at most in a step.
 const LARGEST_STEP: f64 = 100.0;
 /// What is tried of a step that makes the run less likely as a whole.
@@ -25,51 +25,36 @@ const LEAST_INFORMATION: f64 = 0.05;
 const DAMPINGS: usize = 64;
 
 /// Levels, and how likely a run or its first part is with them.
-pub(super) struct Climbed {
+pub(super) struct Place {
     pub noise: Noise,
     pub start: Start,
-    /// log p of the part.
+    /// log p of the part, and of the part and the levels.
     pub log: f64,
+    objective: f64,
+    levels: Vec<Level>,
+    scores: Scores,
 }
 
-/// Of what levels are to be the likeliest.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Over {
-    /// So many first instants, roughly.
-    First(usize),
-    /// The whole run: torques that do not show are left out, and never come back.
-    Run,
-}
-
-impl Over {
-    /// The first so many instants of a run that has all of these; of half of it the other half is soon looked at as well.
-    pub fn first(instants: usize, all: usize) -> Self {
-        if instants < all.div_ceil(2) { Self::First(instants) } else { Self::Run }
-    }
-}
-
-/// Climbs from levels on; `None` where the motion is lost with them.
+/// Climbs from levels on; `None` where the motion is lost with them. Of the first so many instants roughly; of the whole run torques that do not show are
+/// left out, and never come back.
 pub(super) fn climb(
     case: &Prepared<'_>,
     stated: &Noise,
     noise: Noise,
     start: &Start,
-    over: Over,
-) -> Option<Climbed> {
+    first: Option<usize>,
+) -> Option<Place> {
     let settings = case.settings();
-    let (most, stands_nats) = match over {
-        Over::First(instants) => (instants, ROUGHLY * settings.level_stands_nats),
-        Over::Run => (usize::MAX, settings.level_stands_nats),
-    };
-    let place = |noise: Noise, start: &Start, least| Place::of(case, stated, noise, start, most, least);
-    let mut here = place(noise, start, f64::NEG_INFINITY)?;
+    let most = first.unwrap_or(usize::MAX);
+    let stands_nats = settings.level_stands_nats * if first.is_some() { ROUGHLY } else { 1.0 };
+    let mut here = Place::of(case, stated, noise, start, most, f64::NEG_INFINITY)?;
     let mut needed = Vec::new();
     for _ in 0..settings.level_steps {
-        let (now, levels) = (&here.climbed, &here.levels);
-        let Some(step) = Step::of(levels, &here.scores, &now.noise, stated, settings) else { break };
-        let unseen = if over == Over::Run { here.unseen(settings.level_seen_nats) } else { Vec::new() };
+        let Some(step) = Step::of(&here, stated, settings) else { break };
+        let unseen = if first.is_none() { here.unseen(settings.level_seen_nats) } else { Vec::new() };
         let next_with = |share: f64, without: &[Level], least| {
-            place(moved(&now.noise, levels, &step.by, share, without), &now.start, least)
+            let noise = moved(&here.noise, &here.levels, &step.by, share, without);
+            Place::of(case, stated, noise, &here.start, most, least)
         };
         let is_close = step.gain_nats <= stands_nats;
         let least = here.objective - settings.level_seen_nats * unseen.len() as f64;
@@ -86,16 +71,7 @@ pub(super) fn climb(
         let Some(next) = next else { break };
         here = next;
     }
-    Some(here.climbed)
-}
-
-/// Levels on the way.
-struct Place {
-    climbed: Climbed,
-    levels: Levels,
-    scores: Scores,
-    /// log p of the part and of the levels.
-    objective: f64,
+    Some(here)
 }
 
 impl Place {
@@ -109,16 +85,16 @@ impl Place {
         least: f64,
     ) -> Option<Self> {
         let start = start.with_levels(case, &noise);
-        let levels = Levels::of(case, &noise);
-        let prior: f64 = levels.iter().map(|level| log_prior(level, &noise, stated, case.settings())).sum();
+        let levels = Level::all(case, &noise);
+        let prior: f64 = levels.iter().map(|level| log_prior(*level, &noise, stated, case.settings())).sum();
         let (scores, log) = scored(case, &noise, &start, &levels, most, least - prior)?;
-        Some(Self { objective: log + prior, climbed: Climbed { noise, start, log }, levels, scores })
+        Some(Self { noise, start, log, objective: log + prior, levels, scores })
     }
 
     /// Torques that make the part hardly likelier, whatever their levels.
     fn unseen(&self, least_nats: f64) -> Vec<Level> {
         let torques = self.levels.iter().enumerate().filter(|(_, level)| level.is_torque());
-        torques.filter(|(i, _)| self.scores.worth_nats(*i) < least_nats).map(|(_, level)| level).collect()
+        torques.filter(|(i, _)| self.scores.worth_nats(*i) < least_nats).map(|(_, level)| *level).collect()
     }
 }
 
@@ -127,14 +103,14 @@ pub(super) fn scored(
     case: &Prepared<'_>,
     noise: &Noise,
     start: &Start,
-    levels: &Levels,
+    levels: &[Level],
     most: usize,
     least: f64,
 ) -> Option<(Scores, f64)> {
     let mut filter = Filter::new(case, noise, start).about_known_biases(start);
     let mut likelihood = Likelihood::begun(filter.log_known);
-    filter.trail = Some(Trail::new(start.layout));
-    let mut scores = Scores::none(levels.count());
+    filter.trail = Some(Trail::new(start.layout, DMatrix::zeros(0, 0), MOST_BYTES));
+    let mut scores = Scores::none(levels.len());
     for instants in 1.. {
         let goes_on =
             instants <= most && filter.step(&mut |innovation: &Innovation| likelihood.add(innovation));
@@ -166,14 +142,9 @@ struct Step {
 impl Step {
     /// Of squares A and what is expected of them, B, the step is that of A log(A/B): exact at once where a level makes all of what
     /// readings show, and Newton's close to the top, where A is B.
-    fn of(
-        levels: &Levels,
-        scores: &Scores,
-        noise: &Noise,
-        stated: &Noise,
-        settings: &Settings,
-    ) -> Option<Self> {
-        let count = levels.count();
+    fn of(place: &Place, stated: &Noise, settings: &Settings) -> Option<Self> {
+        let Place { noise, levels, scores, .. } = place;
+        let count = levels.len();
         let (mut slope, mut pull) = (DVector::zeros(count), DVector::zeros(count));
         let mut information: DMatrix<f64> = scores.information.clone();
         for (i, level) in levels.iter().enumerate() {
@@ -181,7 +152,7 @@ impl Step {
             let (known, of_prior) = if level.is_torque() {
                 (LEAST_INFORMATION, 0.0)
             } else {
-                (known(settings), -known(settings) * off(level, noise, stated))
+                (known(settings), -known(settings) * off(*level, noise, stated))
             };
             slope[i] = squares - expected + of_prior;
             // What no reading shows has neither.
@@ -213,10 +184,10 @@ fn within(information: &DMatrix<f64>, towards: &DVector<f64>) -> Option<DVector<
 }
 
 /// The same noise with levels this share of a step further, and without those that are not seen.
-fn moved(noise: &Noise, levels: &Levels, by: &DVector<f64>, share: f64, unseen: &[Level]) -> Noise {
+fn moved(noise: &Noise, levels: &[Level], by: &DVector<f64>, share: f64, unseen: &[Level]) -> Noise {
     let mut moved = noise.clone();
-    for (level, by) in levels.iter().zip(by.iter()) {
-        let factor = if unseen.contains(&level) { 0.0 } else { (0.5 * share * by).exp() };
+    for (level, by) in levels.iter().zip(by) {
+        let factor = if unseen.contains(level) { 0.0 } else { (0.5 * share * by).exp() };
         level.set(&mut moved, level.stddev(noise) * factor);
     }
     moved.disturbance.forget_silent();

@@ -4,26 +4,27 @@
 //! the top ([`climb`]), from torques of the likeliest of sizes that are decades apart.
 
 mod climb;
-mod list;
-mod packed;
 mod scores;
-mod trail;
 
 #[cfg(test)]
 mod tests;
 
-use whorl_recording::Channel;
+use whorl_dynamics::PlatformModel;
+use whorl_math::statistics::{chi_squared_quantile, normal_probability};
+use whorl_recording::{Channel, Recording};
 
+use crate::cells::{SHARE_OF_MOTION_RAD, SHARE_OF_TIME};
+use crate::filter::{Filter, Likelihood};
 use crate::fitted::{FittedStart, fitted_start_near, fitted_start_within};
-use crate::guess::fastest_change;
-use crate::known::narrowed;
-use crate::likelihood::{Likelihood, likelihood_within};
 use crate::noise::{Disturbance, Noise, RandomTorque};
+use crate::passes::narrowed;
 use crate::prepared::Prepared;
+use crate::refusal::PredictionError;
+use crate::settings::Settings;
 use crate::start::Start;
+use crate::start::fastest_change;
 
-use climb::{Over, climb};
-pub(crate) use trail::Trail;
+use climb::climb;
 
 /// Sizes of torques that levels begin with, each a tenth of the one before: from what makes the fastest motion within a second to far below a
 /// sensor's noise.
@@ -60,6 +61,12 @@ impl Followed {
         self.undisturbed_likelihood.log + gained
     }
 
+    /// Whether its starts have the states of the model of a case: of a model with others nothing can be taken over.
+    #[must_use]
+    pub fn is_of(&self, case: &Prepared<'_>) -> bool {
+        self.fitted.start.is_of(case) && self.undisturbed.start.is_of(case)
+    }
+
     /// The same by the model without disturbances.
     #[must_use]
     pub fn without_disturbance(&self) -> Self {
@@ -87,49 +94,53 @@ pub fn followed_with(case: &Prepared<'_>, followed: &Followed, disturbance: Dist
     Followed { noise, fitted, ..followed.clone() }
 }
 
-/// Follows a run with the levels that it shows, beginning with the stated ones.
+/// Follows a run with the levels that it shows, beginning with the stated ones: by the first part of it, of torques of all sizes the likeliest, from there
+/// the likeliest levels, and with these the start; then by longer and longer parts.
 #[must_use]
 pub fn follow(case: &Prepared<'_>, stated: &Noise) -> Followed {
     let settings = case.settings();
+    let part = settings.level_first_instants;
+    let start_by = |noise: &Noise| fitted_start_within(case, noise, settings.level_start_instants);
     let loud = Noise { disturbance: first_guess(case), ..stated.clone() };
-    let fitted = fitted_start_within(case, &loud, settings.level_start_instants);
-    let (noise, fitted) = roughly(case, stated, &loud, fitted);
-    let part = settings.level_first_instants.saturating_mul(LONGER);
-    judged(case, found(case, stated, noise, fitted, part), None)
-}
-
-/// What a fit that ended with this model has handed out of the run; where nobody has, or for a model with other states, it is found.
-#[must_use]
-pub fn follow_as(case: &Prepared<'_>, stated: &Noise, known: Option<&Followed>) -> Followed {
-    let known = known.filter(|known| known.fitted.start.is_of(case) && known.undisturbed.start.is_of(case));
-    known.cloned().unwrap_or_else(|| follow(case, stated))
+    let start = start_by(&loud).start;
+    let sizes =
+        (0..SIZES).map(|k| Noise { disturbance: loud.disturbance.scaled(0.1_f64.powi(k)), ..loud.clone() });
+    let log = |noise: &Noise| {
+        let start = start.with_levels(case, noise);
+        Filter::new(case, noise, &start).about_known_biases(&start).run(part, &mut |_| {}).log
+    };
+    let tried = sizes.map(|noise| (log(&noise), noise));
+    let best = tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(|| loud.clone(), |(_, noise)| noise);
+    let noise = climb(case, stated, best.clone(), &start, Some(part)).map_or(best, |found| found.noise);
+    let fitted = start_by(&noise);
+    judged(case, found(case, stated, spread(case, noise), fitted, part.saturating_mul(LONGER)), None)
 }
 
 /// The same with a model close by, or a better one, than the one with which the run was followed before: where that one needed no disturbances, this one
 /// does not.
 #[must_use]
 pub fn follow_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> Followed {
+    followed_from(case, stated, before, false)
+}
+
+/// The same; on the way of a fit the model without disturbances is asked for at its end alone: while it is far from explaining the run, what was known
+/// of it before stands.
+pub(crate) fn followed_from(
+    case: &Prepared<'_>,
+    stated: &Noise,
+    before: &Followed,
+    is_on_way: bool,
+) -> Followed {
     if !before.fitted.start.is_of(case) {
         return follow(case, stated);
     }
     if before.noise.disturbance.is_some() {
-        return judged(case, found_again(case, stated, before), None);
+        return judged(case, found_again(case, stated, before), is_on_way.then_some(before));
     }
     let (noise, fitted) = (before.noise.clone(), &before.fitted);
-    let noise =
-        climb(case, stated, noise.clone(), &fitted.start, Over::Run).map_or(noise, |found| found.noise);
+    let noise = climb(case, stated, noise.clone(), &fitted.start, None).map_or(noise, |found| found.noise);
     let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &noise, fitted, f64::NEG_INFINITY);
     Followed { noise, fitted: undisturbed.clone(), undisturbed, undisturbed_likelihood, gain_nats: 0.0 }
-}
-
-/// The same on the way of a fit, which asks for the model without disturbances at its end alone: while it is far from explaining the
-/// run, what was known of it before stands.
-#[must_use]
-pub(crate) fn follow_on(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> Followed {
-    if !before.fitted.start.is_of(case) || !before.noise.disturbance.is_some() {
-        return follow_again(case, stated, before);
-    }
-    judged(case, found_again(case, stated, before), Some(before))
 }
 
 /// The same at the end of a fit: with torques of all correlation times again, of which those that a worse model had hidden may show by now, and with what
@@ -163,18 +174,26 @@ pub(crate) fn times_s<'a>(case: &'a Prepared<'_>) -> &'a [f64] {
     &times_s[first.max(last.saturating_sub(PROCESSES))..last]
 }
 
-/// Levels and start by the first part of a run: of torques of all sizes the likeliest, from there the likeliest levels, and with these the start.
-fn roughly(case: &Prepared<'_>, stated: &Noise, loud: &Noise, fitted: FittedStart) -> (Noise, FittedStart) {
-    let settings = case.settings();
-    let part = settings.level_first_instants;
-    let sizes =
-        (0..SIZES).map(|k| Noise { disturbance: loud.disturbance.scaled(0.1_f64.powi(k)), ..loud.clone() });
-    let tried = sizes.map(|noise| (log_of(case, &noise, &fitted.start, part), noise));
-    let best = tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(|| loud.clone(), |(_, noise)| noise);
-    let over = Over::First(part);
-    let noise = climb(case, stated, best.clone(), &fitted.start, over).map_or(best, |found| found.noise);
-    let fitted = fitted_start_within(case, &noise, settings.level_start_instants);
-    (spread(case, noise), fitted)
+/// The longest time of which readings may be taken in together, [`Settings::cell_s`], up to that of the settings \[s\]: a quarter of a radian of the fastest
+/// motion, and a sixth of the shortest time of a random torque that the recordings show. None where only wheels move: their friction holds them and lets go between one reading
+/// and the next.
+///
+/// # Errors
+/// See [`PredictionError`].
+pub fn longest_cell_s(
+    recordings: &[Recording],
+    model: &PlatformModel,
+    settings: &Settings,
+) -> Result<f64, PredictionError> {
+    let each = Settings { cell_s: 0.0, ..*settings };
+    recordings.iter().try_fold(settings.cell_s, |longest_s, recording| {
+        let case = Prepared::new(recording, model, each)?;
+        if case.clamped {
+            return Ok(0.0);
+        }
+        let shortest_s = times_s(&case).iter().copied().fold(f64::INFINITY, f64::min);
+        Ok(longest_s.min(SHARE_OF_TIME * shortest_s).min(SHARE_OF_MOTION_RAD / case.fastest_1_s.max(1e-9)))
+    })
 }
 
 /// Levels of a run, and the start with them.
@@ -203,13 +222,16 @@ fn found(
     mut part: usize,
 ) -> Found {
     loop {
-        let over = Over::first(part, case.instants());
-        let Some(found) = climb(case, stated, noise.clone(), &fitted.start, over) else {
+        // Of half of it the other half is soon looked at as well.
+        let first = Some(part).filter(|part| *part < case.instants().div_ceil(2));
+        let Some(found) = climb(case, stated, noise.clone(), &fitted.start, first) else {
             return Found { noise, fitted, log: f64::NEG_INFINITY };
         };
-        fitted.covariance = found.start.embedded(&fitted.covariance, fitted.start.layout);
+        if found.start.layout != fitted.start.layout {
+            fitted.covariance = found.start.embedded(&fitted.covariance, fitted.start.layout);
+        }
         (noise, fitted.start) = (found.noise, found.start);
-        if over == Over::Run {
+        if first.is_none() {
             return Found { noise, fitted, log: found.log };
         }
         noise = spread(case, noise);
@@ -238,25 +260,16 @@ fn judged(case: &Prepared<'_>, Found { noise, fitted, log }: Found, before: Opti
     Followed { noise, fitted, undisturbed, undisturbed_likelihood, gain_nats }
 }
 
-/// By how much more parameters make data likelier that need none of them, at so many deviations of a normal variable: half a chi-squared variable,
-/// whose cube root is nearly normal (E. B. Wilson, M. M. Hilferty, *PNAS* 17 (1931) 684).
+/// By how much more parameters make data likelier that need none of them, at so many deviations of a normal variable.
 fn by_chance_nats(parameters: usize, deviations: f64) -> f64 {
-    let degrees = parameters.max(1) as f64;
-    let spread = 2.0 / (9.0 * degrees);
-    0.5 * degrees * (1.0 - spread + deviations * spread.sqrt()).powi(3)
-}
-
-/// log p of the first so many instants of a run.
-fn log_of(case: &Prepared<'_>, noise: &Noise, start: &Start, most: usize) -> f64 {
-    let found = likelihood_within(case, noise, &start.with_levels(case, noise), most);
-    if found.lost || !found.log.is_finite() { f64::NEG_INFINITY } else { found.log }
+    0.5 * chi_squared_quantile(normal_probability(deviations), parameters.max(1) as u32)
 }
 
 /// Torques so large that they make the fastest motion of the run within a second.
 fn first_guess(case: &Prepared<'_>) -> Disturbance {
     let (body, wheels) = fastest_change(case);
     // Where no speed is a reading, no motor shows.
-    let shown = case.tracks().iter().any(|track| track.channel == Channel::WheelSpeed);
+    let shown = case.tracks.iter().any(|track| track.channel == Channel::WheelSpeed);
     let of_time =
         |correlation_s: &f64| RandomTorque { stddev_b_n_m: [body; 3], correlation_s: *correlation_s };
     Disturbance {

@@ -1,19 +1,14 @@
-//! How log p of a run changes with its levels of noise: exact gradients, and their information.
-//!
-//! With g the gradient of log p by the state behind a step and N its variance, both by going back along a filter's way, noise of
-//! covariance Q that enters there has the gradient (g^T dQ g - tr(N dQ))/2: S. J. Koopman and N. Shephard, "Exact score for time series
-//! models in state space form", *Biometrika* 79 (1992) 823. Its information is that of the series q = dV V^-1 y, whose
-//! inner products by V^-1 are innovations' through the same gains: A. R. Gilmour, R. Thompson and B. R. Cullis, "Average information
-//! REML", *Biometrics* 51 (1995) 1440.
+//! How log p of a run changes with its levels of noise: exact gradients, and their information, half the inner products by V^-1 of the series
+//! dV V^-1 y (METHOD.md, "Levels").
 
 use nalgebra::{DMatrix, DVector};
 use whorl_dynamics::plant::ROTATION;
+use whorl_math::lanes::{Gain, Gram, Lanes, Own, Sparse, dot, level};
+use whorl_recording::{Channel, Component};
 
-use super::list::{Level, Levels};
-use super::trail::Trail;
-use crate::information::Information;
-use crate::lanes::{Gain, Lanes, Own, Sparse, dot, level};
 use crate::noise::Noise;
+use crate::prepared::Prepared;
+use crate::trail::Trail;
 
 /// What a run says of its levels, by the logarithm of each variance.
 pub(super) struct Scores {
@@ -43,29 +38,85 @@ impl Scores {
     }
 
     /// Of a block, at whose begin the state is known as well as the filter knows it.
-    pub fn of(trail: &Trail, levels: &Levels, noise: &Noise) -> Self {
+    pub fn of(trail: &Trail, levels: &[Level], noise: &Noise) -> Self {
+        let mut scores = Self::none(levels.len());
         let driven = Driven::all(trail, levels, noise);
-        let back = Back::along(trail, &driven);
-        let (mut squares, mut expected) = (DVector::zeros(levels.count()), DVector::zeros(levels.count()));
-        for (k, of) in driven.iter().enumerate() {
-            squares[of.level] +=
-                0.5 * (of.density * back.squares[k] + of.at_start * back.at_start[k].powi(2));
-            expected[of.level] +=
-                0.5 * (of.density * back.variances[k] + of.at_start * back.start_variances[k]);
+        let (gradients, own) = scores.go_back(trail, &driven);
+        // Every component that is read has a level.
+        let level =
+            |of: &Component| levels.iter().position(|one| *one == Level::of_reading(*of)).unwrap_or(0);
+        let read: Vec<usize> = trail.components.iter().map(level).collect();
+        for ((level, variance), own) in read.iter().zip(&trail.own).zip(&own) {
+            scores.see(*level, *variance, own.value, own.expected);
         }
-        let read: Vec<Option<(usize, f64)>> = trail
-            .components
-            .iter()
-            .zip(&trail.own)
-            .map(|(component, variance)| Some((levels.of_reading(*component)?, *variance)))
-            .collect();
-        for ((level, variance), own) in read.iter().zip(&back.own).filter_map(|(to, own)| Some(((*to)?, own)))
-        {
-            squares[level] += 0.5 * variance * own.value * own.value;
-            expected[level] += 0.5 * variance * own.expected;
+        scores.information = forth(trail, levels.len(), &driven, &read, gradients, &own);
+        scores
+    }
+
+    /// A gradient by a noise of this variance, and the variance of the gradient.
+    fn see(&mut self, level: usize, variance: f64, gradient: f64, expected: f64) {
+        self.squares[level] += 0.5 * variance * gradient * gradient;
+        self.expected[level] += 0.5 * variance * expected;
+    }
+
+    /// Gradients by what is driven, of these variances, which are kept for the way forth.
+    fn see_driven(
+        &mut self,
+        driven: &[Driven],
+        variance: impl Fn(&Driven) -> f64,
+        (g, n): (&[f64], &Lanes),
+        gradients: &mut Vec<f64>,
+    ) {
+        for of in driven {
+            self.see(of.level, variance(of), g[of.coordinate], n.row(of.coordinate)[of.coordinate]);
+            gradients.push(g[of.coordinate]);
         }
-        let information = forth(trail, levels.count(), &driven, &read, &back);
-        Self { squares, expected, information }
+    }
+
+    /// Goes back along the way: gradients by what is driven behind and before each stride, from the last one on, and at the start; and what all readings
+    /// say of the error of each.
+    fn go_back(&mut self, trail: &Trail, driven: &[Driven]) -> (Vec<f64>, Vec<Own>) {
+        let size = trail.layout.size();
+        let mut gradients = Vec::with_capacity(driven.len() * (2 * trail.strides.len() + 1));
+        let mut own: Vec<Own> =
+            trail.values.iter().map(|value| Own { value: *value, expected: 0.0 }).collect();
+        let (mut n, mut g) = (Lanes::zeros(size, size), vec![0.0; size]);
+        let [mut rows, mut transition, mut transposed] = [(); 3].map(|()| Sparse::default());
+        let (mut gain, mut moved) = (Gain::default(), vec![0.0; size]);
+        let mut at = [trail.gains.len(), trail.couplings.len(), trail.variances.len()];
+        for (k, instant) in trail.instants.iter().enumerate().rev() {
+            let (strides, readings) = trail.before(k);
+            let due = readings..instant.readings;
+            for (at, length) in at.iter_mut().zip(Gain::lengths(size, due.len())) {
+                *at -= length;
+            }
+            trail.by_state.rows_to(due.clone(), &mut rows);
+            gain.take_from(size, due.len(), [&trail.gains, &trail.couplings], &trail.variances, &mut { at });
+            n.take_out(&rows, &gain, &mut g, &mut own[due]);
+            for i in (0..size).filter(|i| instant.held >> i & 1 == 1) {
+                n.hold(i);
+                g[i] = 0.0;
+            }
+            for stride in trail.strides[strides..instant.strides].iter().rev() {
+                // By the trapezoidal rule: strides are short against whatever moves.
+                let half = |of: &Driven| 0.5 * stride.step_s * of.density;
+                if let Some(axis) = stride.unseen_axis {
+                    n.level_covariance(&axis);
+                    level(&mut g[ROTATION], &axis);
+                }
+                self.see_driven(driven, half, (&g, &n), &mut gradients);
+                trail.transitions.rows_to(trail.transition(*stride), &mut transition);
+                transposed.transpose(&transition);
+                n.grow(&transposed, None);
+                for (to, row) in moved.iter_mut().zip(transposed.rows()) {
+                    *to = dot(row, &g);
+                }
+                g.iter_mut().zip(&moved).take(transposed.count()).for_each(|(g, by)| *g += by);
+                self.see_driven(driven, half, (&g, &n), &mut gradients);
+            }
+        }
+        self.see_driven(driven, |of| of.at_start, (&g, &n), &mut gradients);
+        (gradients, own)
     }
 
     /// By how much each level makes a run likelier than none does, at the best that it could have beside the others.
@@ -91,103 +142,20 @@ struct Driven {
 }
 
 impl Driven {
-    fn all(trail: &Trail, levels: &Levels, noise: &Noise) -> Vec<Self> {
+    fn all(trail: &Trail, levels: &[Level], noise: &Noise) -> Vec<Self> {
         let (layout, disturbance) = (trail.layout, &noise.disturbance);
         let body = layout.disturbance().len();
         let level = |k: usize| match k.checked_sub(body) {
             Some(motor) => Level::Motor(motor),
             None => Level::Body { process: k / 3, axis: k % 3 },
         };
-        let times = disturbance.coordinates(layout).zip(disturbance.times(layout));
-        let all = times.enumerate().filter_map(|(k, ((coordinate, stddev), (_, correlation_s)))| {
-            let (level, variance) = (levels.position(level(k))?, stddev * stddev);
+        let all = disturbance.coordinates(layout).enumerate();
+        let all = all.filter_map(|(k, (coordinate, stddev, correlation_s))| {
+            let (level, variance) = (levels.iter().position(|one| *one == level(k))?, stddev * stddev);
             let at_start = if trail.is_first { variance } else { 0.0 };
             Some(Self { coordinate, level, density: 2.0 * variance / correlation_s, at_start })
         });
         all.collect()
-    }
-}
-
-/// What is found on the way back.
-struct Back {
-    /// Of each coordinate that is driven: the integral of the square of its gradient over time, and of the variance of this.
-    squares: Vec<f64>,
-    variances: Vec<f64>,
-    /// The gradient at the start, and its variance.
-    at_start: Vec<f64>,
-    start_variances: Vec<f64>,
-    /// The gradients before and behind each stride.
-    before: Vec<f64>,
-    behind: Vec<f64>,
-    /// What all readings say of the error of each.
-    own: Vec<Own>,
-}
-
-impl Back {
-    fn along(trail: &Trail, driven: &[Driven]) -> Self {
-        let (size, count) = (trail.layout.size(), driven.len());
-        let none = vec![0.0; count];
-        let of_strides = vec![0.0; count * trail.strides.len()];
-        let mut back = Self {
-            squares: none.clone(),
-            variances: none.clone(),
-            at_start: none.clone(),
-            start_variances: none,
-            before: of_strides.clone(),
-            behind: of_strides,
-            own: trail.values.iter().map(|value| Own { value: *value, expected: 0.0 }).collect(),
-        };
-        let (mut n, mut g) = (Lanes::zeros(size, size), vec![0.0; size]);
-        let [mut rows, mut transition, mut transposed] = [(); 3].map(|()| Sparse::default());
-        let (mut gain, mut moved) = (Gain::default(), vec![0.0; size]);
-        let mut at = [trail.gains.len(), trail.couplings.len(), trail.variances.len()];
-        for (k, instant) in trail.instants.iter().enumerate().rev() {
-            let (strides, readings) = trail.before(k);
-            let due = readings..instant.readings;
-            for (at, length) in at.iter_mut().zip(Gain::lengths(size, due.len())) {
-                *at -= length;
-            }
-            trail.by_state.rows_to(due.clone(), &mut rows);
-            gain.take_from(size, due.len(), [&trail.gains, &trail.couplings], &trail.variances, &mut { at });
-            n.take_out(&rows, &gain, &mut g, &mut back.own[due]);
-            for i in (0..size).filter(|i| instant.held >> i & 1 == 1) {
-                n.hold(i);
-                g[i] = 0.0;
-            }
-            for s in (strides..instant.strides).rev() {
-                let stride = trail.strides[s];
-                if let Some(axis) = stride.unseen_axis {
-                    n.level_covariance(&axis);
-                    level(&mut g[ROTATION], &axis);
-                }
-                let places = s * count..(s + 1) * count;
-                back.add(driven, stride.step_s, &n, &g);
-                let gradients = || driven.iter().map(|of| of.coordinate);
-                back.behind[places.clone()].iter_mut().zip(gradients()).for_each(|(to, i)| *to = g[i]);
-                trail.transitions.rows_to(trail.transition(stride), &mut transition);
-                transposed.transpose(&transition);
-                n.grow(&transposed, None);
-                for (to, row) in moved.iter_mut().zip(transposed.rows()) {
-                    *to = dot(row, &g);
-                }
-                g.iter_mut().zip(&moved).take(transposed.count()).for_each(|(g, by)| *g += by);
-                back.add(driven, stride.step_s, &n, &g);
-                back.before[places].iter_mut().zip(gradients()).for_each(|(to, i)| *to = g[i]);
-            }
-        }
-        for (k, of) in driven.iter().enumerate() {
-            back.at_start[k] = g[of.coordinate];
-            back.start_variances[k] = n.row(of.coordinate)[of.coordinate];
-        }
-        back
-    }
-
-    /// One end of a stride, by the trapezoidal rule: strides are short against whatever moves.
-    fn add(&mut self, driven: &[Driven], step_s: f64, n: &Lanes, g: &[f64]) {
-        for (k, of) in driven.iter().enumerate() {
-            self.squares[k] += 0.5 * step_s * g[of.coordinate].powi(2);
-            self.variances[k] += 0.5 * step_s * n.row(of.coordinate)[of.coordinate];
-        }
     }
 }
 
@@ -197,30 +165,30 @@ fn forth(
     trail: &Trail,
     levels: usize,
     driven: &[Driven],
-    read: &[Option<(usize, f64)>],
-    back: &Back,
+    read: &[usize],
+    mut gradients: Vec<f64>,
+    own: &[Own],
 ) -> DMatrix<f64> {
-    let (size, count) = (trail.layout.size(), driven.len());
+    let size = trail.layout.size();
     let (mut x, mut d) = (Lanes::zeros(size, levels), Lanes::zeros(0, levels));
-    let mut information = Information::new(levels, 0, 0);
+    let mut information = Gram::new(levels, 0, 0);
     let (mut rows, mut transition) = (Sparse::default(), Sparse::default());
     let (mut gain, mut at) = (Gain::default(), [0; 3]);
-    for (of, gradient) in driven.iter().zip(&back.at_start) {
-        x.row_mut(of.coordinate)[of.level] -= of.at_start * gradient;
-    }
+    // The last that was kept on the way back is the first here.
+    let mut drive = |x: &mut Lanes, variance: &dyn Fn(&Driven) -> f64| {
+        for of in driven.iter().rev() {
+            x.row_mut(of.coordinate)[of.level] -= variance(of) * gradients.pop().unwrap_or_default();
+        }
+    };
+    drive(&mut x, &|of| of.at_start);
     for (k, instant) in trail.instants.iter().enumerate() {
         let (strides, readings) = trail.before(k);
-        for s in strides..instant.strides {
-            let stride = trail.strides[s];
-            let add = |x: &mut Lanes, gradients: &[f64]| {
-                for (of, gradient) in driven.iter().zip(&gradients[s * count..]) {
-                    x.row_mut(of.coordinate)[of.level] -= 0.5 * stride.step_s * of.density * gradient;
-                }
-            };
-            add(&mut x, &back.before);
-            trail.transitions.rows_to(trail.transition(stride), &mut transition);
+        for stride in &trail.strides[strides..instant.strides] {
+            let half = |of: &Driven| 0.5 * stride.step_s * of.density;
+            drive(&mut x, &half);
+            trail.transitions.rows_to(trail.transition(*stride), &mut transition);
             x.carry(&transition);
-            add(&mut x, &back.behind);
+            drive(&mut x, &half);
             if let Some(axis) = stride.unseen_axis {
                 x.level(&axis);
             }
@@ -230,18 +198,74 @@ fn forth(
         trail.by_state.rows_to(due.clone(), &mut rows);
         gain.take_from(size, due.len(), [&trail.gains, &trail.couplings], &trail.variances, &mut at);
         d.clear(due.len());
-        for (r, (to, own)) in read[due.clone()].iter().zip(&back.own[due]).enumerate() {
-            if let Some((level, variance)) = to {
-                d.row_mut(r)[*level] = variance * own.value;
-            }
+        for (r, k) in due.enumerate() {
+            d.row_mut(r)[read[k]] = trail.own[k] * own[k].value;
         }
         x.take_in(&rows, &gain, &mut d);
         for (r, variance) in gain.variances.iter().enumerate() {
             let scale = 1.0 / variance.sqrt();
-            let next = information.next();
+            let next = information.room();
             next.iter_mut().zip(d.row(r)).for_each(|(to, d)| *to = d * scale);
             information.added();
         }
     }
     information.sum() * 0.5
+}
+
+/// A standard deviation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Level {
+    /// Of a random torque on the body, about one of its axes [N m].
+    Body { process: usize, axis: usize },
+    /// Of a motor's random torque [N m].
+    Motor(usize),
+    /// Of a reading, in its channel's unit; of components that share it the first.
+    Reading(Component),
+}
+
+impl Level {
+    /// All that are not zero: torques first, in the order of a state's coordinates, then readings.
+    pub fn all(case: &Prepared<'_>, noise: &Noise) -> Vec<Self> {
+        let disturbance = &noise.disturbance;
+        let body = (0..disturbance.body.len())
+            .flat_map(|process| (0..3).map(move |axis| Self::Body { process, axis }))
+            .chain((0..disturbance.motors_n_m.len()).map(Self::Motor));
+        let mut list: Vec<Self> = body.filter(|level| level.stddev(noise) > 0.0).collect();
+        for level in case.components().map(Self::of_reading) {
+            if !list.contains(&level) {
+                list.push(level);
+            }
+        }
+        list
+    }
+
+    /// That of a reading: the axes across a direction share one, and all tachometers.
+    pub fn of_reading(component: Component) -> Self {
+        Self::Reading(match component.channel {
+            Channel::Vector | Channel::WheelSpeed => Component::new(component.channel, component.sensor(), 0),
+            _ => component,
+        })
+    }
+
+    pub fn is_torque(self) -> bool {
+        !matches!(self, Self::Reading(_))
+    }
+
+    pub fn stddev(self, noise: &Noise) -> f64 {
+        let of = &noise.disturbance;
+        match self {
+            Self::Body { process, axis } => of.body[process].stddev_b_n_m[axis],
+            Self::Motor(motor) => of.motors_n_m[motor],
+            Self::Reading(component) => noise.of(component),
+        }
+    }
+
+    pub fn set(self, noise: &mut Noise, stddev: f64) {
+        let of = &mut noise.disturbance;
+        match self {
+            Self::Body { process, axis } => of.body[process].stddev_b_n_m[axis] = stddev,
+            Self::Motor(motor) => of.motors_n_m[motor] = stddev,
+            Self::Reading(component) => noise.set(component, stddev),
+        }
+    }
 }

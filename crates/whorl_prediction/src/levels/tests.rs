@@ -5,7 +5,7 @@ use whorl_dynamics::platform::TiltLimit;
 use whorl_dynamics::{InitialState, Plant, PlatformModel};
 use whorl_recording::Recording;
 
-use super::list::Levels;
+use super::scores::Level;
 use super::*;
 use crate::settings::Settings;
 
@@ -48,15 +48,15 @@ fn gradients_by_levels_are_differences_of_log_p() {
         Disturbance { body: body.to_vec(), motors_n_m: vec![1e-3, 2e-3, 0.0], motors_correlation_s: 1.0 };
     let noise = Noise { disturbance, ..Noise::stated(&case).unwrap() };
     let start = fitted_start_within(&case, &noise, usize::MAX).start.with_levels(&case, &noise);
-    let levels = Levels::of(&case, &noise);
+    let levels = Level::all(&case, &noise);
     let (scores, log) = climb::scored(&case, &noise, &start, &levels, usize::MAX, f64::NEG_INFINITY).unwrap();
-    assert_eq!(levels.count(), 6 + 2 + 7);
-    assert!((log - log_of(&case, &noise, &start, usize::MAX)).abs() < 1e-9);
+    assert_eq!(levels.len(), 6 + 2 + 7);
+    assert!((log - crate::likelihood(&case, &noise, &start).log).abs() < 1e-9);
     for (i, level) in levels.iter().enumerate() {
         let log_with = |by: f64| {
             let mut other = noise.clone();
             level.set(&mut other, level.stddev(&noise) * (0.5 * by).exp());
-            log_of(&case, &other, &start, usize::MAX)
+            crate::likelihood(&case, &other, &start.with_levels(&case, &other)).log
         };
         let step = 1e-2;
         let difference = (log_with(step) - log_with(-step)) / (2.0 * step);

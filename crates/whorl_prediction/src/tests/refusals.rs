@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use whorl_recording::{Mounting, Recording};
 
 use super::generator::{Manoeuvre, platform, record};
-use crate::{Needs, Refusal, check};
+use crate::{Needs, Refusal, Why, check};
 
 const NEEDS: Needs = Needs { shortest_s: 5.0, free: false, accelerometer: false };
 
@@ -24,15 +24,15 @@ fn a_good_recording_is_accepted_and_needs_are_kept() {
     assert_eq!(check(&recording, &model, &NEEDS), Ok(()));
     let long = Needs { shortest_s: 10.0, ..NEEDS };
     let refusal = check(&recording, &model, &long).unwrap_err();
-    assert!(matches!(refusal, Refusal::TooShort { needed_s: 10.0, .. }), "{refusal}");
+    assert!(matches!(refusal, Refusal { why: Why::TooShort(_, 10.0), .. }), "{refusal}");
     let blind = Recording { specific_force_b_m_s2: Default::default(), ..recording.clone() };
     assert_eq!(check(&blind, &model, &NEEDS), Ok(()));
     let refusal = check(&blind, &model, &Needs { accelerometer: true, ..NEEDS }).unwrap_err();
-    assert!(matches!(refusal, Refusal::MissingChannel { channel: "accelerometer", .. }), "{refusal}");
+    assert!(matches!(refusal, Refusal { why: Why::Missing("accelerometer", _), .. }), "{refusal}");
     let bench = Recording { mounting: Mounting::Clamped, ..recording };
     assert_eq!(check(&bench, &model, &NEEDS), Ok(()));
     let refusal = check(&bench, &model, &Needs { free: true, ..NEEDS }).unwrap_err();
-    assert!(matches!(refusal, Refusal::Clamped { .. }), "{refusal}");
+    assert!(matches!(refusal, Refusal { why: Why::Clamped, .. }), "{refusal}");
 }
 
 #[test]
@@ -54,5 +54,5 @@ fn what_is_wrong_is_said() {
         r.mounting = Mounting::Clamped;
         r.wheel_torque_command_n_m = Default::default();
     };
-    assert!(matches!(refused(bench), Refusal::MissingChannel { channel: "wheel torque command", .. }));
+    assert!(matches!(refused(bench), Refusal { why: Why::Missing("wheel torque command", _), .. }));
 }

@@ -31,10 +31,9 @@ pub fn comparison_html(runs: &[ComparedRun], of_models: &[String], about: &Facts
         page.paragraph("answer", of_model);
     }
     for run in runs {
-        // Together: findings do not say of which run they are.
+        // Together: the second does not say of which run it is.
         page.paragraph("answer", &run.comparison.answer());
         page.paragraph("answer", &run.comparison.said_of_innovations());
-        page.list(&run.comparison.findings());
     }
     page.heading("Prediction errors");
     page.paragraph("rule", &format!("Predictions: {PREDICTION_RULE}."));
@@ -118,10 +117,6 @@ fn run_section(page: &mut Document, run: &ComparedRun) {
         }
     }
     whiteness_table(page, comparison);
-    page.figure(&periodograms(comparison), None);
-    for figure in cross_correlations(comparison) {
-        page.figure(&figure, None);
-    }
 }
 
 /// Ratio to the predicted deviation over the horizon.
@@ -204,100 +199,21 @@ fn whiteness_table(page: &mut Document, comparison: &Comparison) {
     page.paragraph(
         "rule",
         "Is anything left? Innovations: each reading less its prediction from everything before it, over its deviation. White ones hold nothing that a model could explain. \
-         Ljung-Box: first 25 autocorrelations; periodogram: largest distance from the straight line.",
+         Ljung-Box: first 25 autocorrelations.",
     );
     let rows: Vec<Vec<Markup>> = comparison
         .whiteness
         .iter()
         .map(|w| {
-            let (q, limit) = w.ljung_box.map_or((f64::NAN, f64::NAN), |l| (l.statistic, l.limit_99));
-            let periodogram = w.periodogram.as_ref();
-            let (deviation, band) =
-                periodogram.map_or((f64::NAN, f64::NAN), |p| (p.largest_deviation, p.band_99));
-            let input = w.inputs.first().filter(|i| i.significant).map_or_else(
-                || "none".to_owned(),
-                |i| {
-                    format!(
-                        "{} ({:.3} after {} samples; band {:.3})",
-                        i.input, i.value, i.lag, i.correlation.joint_band_99
-                    )
-                },
-            );
             vec![
                 text(&w.channel),
                 judged(w.rms, 3, w.rms < GOOD_RATIO),
-                judged(q, 1, q <= limit),
-                number(limit, 1),
-                judged(deviation, 3, deviation.abs() <= band),
-                number(band, 3),
-                number(periodogram.and_then(|p| p.line_hz).unwrap_or(f64::NAN), 2),
-                text(&input),
+                judged(w.ljung_box.statistic, 1, w.ljung_box.is_white()),
+                number(w.ljung_box.limit_99, 1),
+                number(w.correlated_over_s, 2),
             ]
         })
         .collect();
-    page.table(
-        &[
-            "channel",
-            "#RMS",
-            "#Ljung-Box Q",
-            "#99 % limit",
-            "#periodogram",
-            "#99 % band",
-            "#line [Hz]",
-            "follows input",
-        ],
-        &rows,
-    );
-}
-
-pub(super) fn periodograms(comparison: &Comparison) -> Figure {
-    let gyro = || comparison.whiteness.iter().filter(|w| w.channel.starts_with("gyro"));
-    let curves = gyro().filter_map(|w| {
-        let p = w.periodogram.as_ref()?;
-        Some(Curve::new(w.channel.as_str(), p.frequency_hz.iter().copied().zip(p.share.iter().copied())))
-    });
-    let edges = gyro().find_map(|w| w.periodogram.as_ref()).map(|p| {
-        let last = p.frequency_hz.last().copied().unwrap_or(1.0);
-        let edge = |sign: f64| Curve::new("99 %", [0.0, last].map(|f| (f, f / last + sign * p.band_99)));
-        (edge(-1.0), edge(1.0))
-    });
-    Figure {
-        title: "Cumulative periodogram of the gyro's innovations".to_owned(),
-        caption: "Share of the innovations' power below each frequency. White ones stay in the band (99 %) about the diagonal; a \
-                  step indicates an oscillation, a bulge above the diagonal slow errors."
-            .to_owned(),
-        x_label: "frequency [Hz]".to_owned(),
-        y_label: "share of power".to_owned(),
-        curves: curves.collect(),
-        bands: edges.into_iter().collect(),
-        ..Figure::default()
-    }
-}
-
-/// Correlations of the channels with the significant inputs.
-fn cross_correlations(comparison: &Comparison) -> Vec<Figure> {
-    let figure = |w: &whorl_validation::comparison::Whiteness| {
-        let inputs: Vec<_> = w.inputs.iter().filter(|i| i.significant).take(3).collect();
-        let band = inputs.first()?.correlation.joint_band_99;
-        let points = |i: &&whorl_validation::comparison::InputCorrelation| {
-            let c = &i.correlation;
-            Curve::new(i.input.as_str(), c.lag.iter().map(|k| *k as f64).zip(c.value.iter().copied()))
-        };
-        let lags = inputs.first()?.correlation.lag.clone();
-        let edge = |sign: f64| {
-            let ends = [lags.first(), lags.last()];
-            Curve::new("99 %", ends.into_iter().flatten().map(|k| (*k as f64, sign * band)))
-        };
-        Some(Figure {
-            title: format!("{}: correlation of the innovations with inputs", w.channel.replace('_', " ")),
-            caption: "Lag > 0: the innovation comes after the input. Band: 99 % for all lags together."
-                .to_owned(),
-            x_label: "lag [samples]".to_owned(),
-            y_label: "correlation".to_owned(),
-            curves: inputs.iter().map(points).collect(),
-            bands: vec![(edge(-1.0), edge(1.0))],
-            ..Figure::default()
-        })
-    };
-    comparison.whiteness.iter().filter_map(figure).take(4).collect()
+    let headings = ["channel", "#RMS", "#Ljung-Box Q", "#99 % limit", "#correlated over [s]"];
+    page.table(&headings, &rows);
 }

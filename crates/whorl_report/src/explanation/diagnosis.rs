@@ -1,7 +1,7 @@
 //! The page of `whorl diagnose`.
 
 use maud::Markup;
-use whorl_explain::{Explanation, UnexplainedTorque};
+use whorl_explain::Explanation;
 use whorl_identification::{Candidate, Diagnosis, ParameterEstimate, Verdict};
 use whorl_math::three_digits;
 use whorl_validation::UnexplainedTorques;
@@ -29,20 +29,14 @@ pub fn diagnosis_html(found: &Explanation, about: &Facts) -> String {
             ),
         );
     }
-    if let Some(torque) = &found.torque {
+    if !found.torques.is_empty() {
         page.heading("Unexplained torque");
-        unexplained(torque).iter().for_each(|figure| page.figure(figure, None));
+        unexplained(&found.torques).iter().for_each(|figure| page.figure(figure, None));
     }
     versions(&mut page, &found.versions);
     slow_residual(&mut page, diagnosis);
     candidates(&mut page, diagnosis);
     page.list(&diagnosis.remarks);
-    if !diagnosis.odd_runs.is_empty() {
-        page.paragraph(
-            "warning",
-            &format!("These runs disagree with the others: {}.", diagnosis.odd_runs.join(", ")),
-        );
-    }
     facts(&mut page, about);
     page.finish()
 }
@@ -63,14 +57,15 @@ fn slow_residual(page: &mut Document, diagnosis: &Diagnosis) {
     page.table(&["", "#before", "#after"], &rows);
 }
 
-/// A figure for each axis with a visible torque, the largest first.
-pub(super) fn unexplained(torque: &UnexplainedTorque) -> Vec<Figure> {
+/// A figure for each axis with a visible torque, the largest first; `torques` without and with the named effects.
+pub(super) fn unexplained(torques: &[UnexplainedTorques]) -> Vec<Figure> {
+    let Some(before) = torques.first() else { return Vec::new() };
     let size = |r: &UnexplainedTorques, i: usize| {
         r.states.iter().map(|state| state.torque_b_n_m[i].powi(2)).sum::<f64>()
     };
     let mut axes = [0, 1, 2];
-    axes.sort_by(|a, b| size(&torque.before, *b).total_cmp(&size(&torque.before, *a)));
-    let largest = size(&torque.before, axes[0]);
+    axes.sort_by(|a, b| size(before, *b).total_cmp(&size(before, *a)));
+    let largest = size(before, axes[0]);
     let one = |i: usize| {
         let curve = |name: &str, r: &UnexplainedTorques, sign: f64| {
             let points = r.states.iter().map(|state| {
@@ -79,11 +74,10 @@ pub(super) fn unexplained(torque: &UnexplainedTorque) -> Vec<Figure> {
             });
             Curve::new(name, points)
         };
-        let both: Vec<(&str, &UnexplainedTorques)> = std::iter::once(("before", &torque.before))
-            .chain(torque.after.as_ref().map(|after| ("with the effects named", after)))
-            .collect();
+        let both: Vec<(&str, &UnexplainedTorques)> =
+            ["before", "with the effects named"].into_iter().zip(torques).collect();
         Figure {
-            title: format!("{}: unexplained torque about body {}", torque.run, ["x", "y", "z"][i]),
+            title: format!("{}: unexplained torque about body {}", before.run, ["x", "y", "z"][i]),
             caption: "The platform's own parameters are refitted in both cases, unless without the effects they would have to move implausibly far. Bands: two standard deviations. A curve that stays within the band about zero is explained, and one that is zero throughout makes the run no likelier.".to_owned(),
             y_label: "torque [mN m]".to_owned(),
             curves: both.iter().map(|(name, r)| curve(name, r, 0.0)).collect(),
@@ -91,7 +85,7 @@ pub(super) fn unexplained(torque: &UnexplainedTorque) -> Vec<Figure> {
             ..Figure::default()
         }
     };
-    axes.into_iter().filter(|i| size(&torque.before, *i) > 0.02 * largest).map(one).collect()
+    axes.into_iter().filter(|i| size(before, *i) > 0.02 * largest).map(one).collect()
 }
 
 fn candidates(page: &mut Document, diagnosis: &Diagnosis) {

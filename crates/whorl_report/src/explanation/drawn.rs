@@ -2,10 +2,9 @@
 
 use serde_json::Value;
 use whorl_explain::{Adoption, ComparedRun, Explanation, Located};
-use whorl_identification::Discovery;
 
-use super::comparison::{overlay_figures, periodograms, staircase};
-use super::{adoption, diagnosis, discovery, localisation, versions};
+use super::comparison::{overlay_figures, staircase};
+use super::{adoption, diagnosis, localisation, versions};
 use crate::figure::Figure;
 use crate::svg::svg;
 use crate::times::Interval;
@@ -59,7 +58,7 @@ fn kept(figures: Vec<Drawn>) -> Vec<Drawn> {
     figures.into_iter().filter(|drawn| !drawn.figure.is_empty()).collect()
 }
 
-/// Of a comparison: of each run what was measured and predicted, errors, errors over the horizon, and what is left in the innovations.
+/// Of a comparison: of each run what was measured and predicted, errors, and errors over the horizon.
 #[must_use]
 pub fn comparison_figures(runs: &[ComparedRun]) -> Vec<Drawn> {
     let of = |run: &ComparedRun| {
@@ -67,9 +66,7 @@ pub fn comparison_figures(runs: &[ComparedRun]) -> Vec<Drawn> {
         let span = Some((0.0, comparison.duration_s));
         let over_time = comparison.overlays.iter().flat_map(overlay_figures);
         let over_time = over_time.map(|figure| Drawn::new(&comparison.run, figure, span));
-        let others = [staircase(comparison), periodograms(comparison)];
-        let others = others.into_iter().map(|figure| Drawn::new(&comparison.run, figure, None));
-        over_time.chain(others).collect::<Vec<_>>()
+        over_time.chain([Drawn::new(&comparison.run, staircase(comparison), None)]).collect::<Vec<_>>()
     };
     kept(runs.iter().flat_map(of).collect())
 }
@@ -90,10 +87,10 @@ pub fn localisation_figures(found: &Located) -> Vec<Drawn> {
 /// Of a diagnosis: the unexplained torque without and with the named effects, and the errors of each version.
 #[must_use]
 pub fn diagnosis_figures(found: &Explanation) -> Vec<Drawn> {
-    let torque = found.torque.iter().flat_map(|torque| {
-        let last = torque.before.states.last().map_or(0.0, |state| state.time_s);
-        let figures = diagnosis::unexplained(torque);
-        figures.into_iter().map(move |figure| Drawn::new(&torque.run, figure, Some((0.0, last))))
+    let torque = found.torques.first().into_iter().flat_map(|before| {
+        let last = before.states.last().map_or(0.0, |state| state.time_s);
+        let figures = diagnosis::unexplained(&found.torques);
+        figures.into_iter().map(move |figure| Drawn::new(&before.run, figure, Some((0.0, last))))
     });
     kept(torque.chain(of_versions(&found.versions)).collect())
 }
@@ -115,10 +112,4 @@ fn of_versions(versions: &[whorl_explain::Version]) -> impl Iterator<Item = Draw
         let name = &run.comparison.run;
         Drawn::new(name, versions::over_horizon(versions, k, name), None)
     })
-}
-
-/// Of a search for a law: the best one over the data.
-#[must_use]
-pub fn discovery_figures(found: &Discovery) -> Vec<Drawn> {
-    kept(found.drawn.iter().map(|drawn| Drawn::new("", discovery::figure(drawn), None)).collect())
 }

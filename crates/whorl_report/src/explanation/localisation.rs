@@ -1,8 +1,7 @@
 //! The page of `whorl where`.
 
 use whorl_explain::Located;
-use whorl_validation::dependence::{Dependence, Dependences, Frame};
-use whorl_validation::{Localisation, UnexplainedTorques};
+use whorl_validation::{Dependence, Dependences, Frame, Localisation, UnexplainedTorques};
 
 use super::{Facts, facts};
 use crate::document::{Document, code, number, text};
@@ -55,8 +54,8 @@ fn section(page: &mut Document, run: &Localisation) {
     page.heading(&run.run);
     page.paragraph(
         "rule",
-        "Share: how much of the unexplained torque's mean square beyond noise a smooth curve of each quantity predicts on stretches of \
-         time that it was not fitted to. Shares of quantities that move together overlap: they do not add up.",
+        "Share: how much of the unexplained torque's mean square beyond noise a curve of each quantity explains, of the simple shape that fits \
+         best. Shares of quantities that move together overlap: they do not add up.",
     );
     if let Some(found) = &run.dependences {
         table(page, found);

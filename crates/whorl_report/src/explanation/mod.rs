@@ -16,9 +16,7 @@ pub use adoption::adoption_html;
 pub use comparison::comparison_html;
 pub use diagnosis::diagnosis_html;
 pub use discovery::discovery_html;
-pub use drawn::{
-    Drawn, adoption_figures, comparison_figures, diagnosis_figures, discovery_figures, localisation_figures,
-};
+pub use drawn::{Drawn, adoption_figures, comparison_figures, diagnosis_figures, localisation_figures};
 pub use localisation::localisation_html;
 pub use path::{PathPart, path_html};
 pub use proposal::{NextPage, PlannedMotion, next_html};

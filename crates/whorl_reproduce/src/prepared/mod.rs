@@ -11,7 +11,7 @@ use whorl_dynamics::{Environment, Gyrostat, PlatformModel};
 use whorl_estimation::sequential::{AveragedSample, CONTACT_LASTS_S, Direction, Surroundings, touches};
 use whorl_identification::usable_readings;
 use whorl_math::unit_or;
-use whorl_prediction::{Needs, Refusal, check};
+use whorl_prediction::{Needs, Refusal, Why, check};
 use whorl_recording::{OnInterval, Recording, Series};
 
 use self::wheels::WheelHistory;
@@ -80,7 +80,7 @@ pub fn prepare(runs: &[&Recording], model: &PlatformModel, step_s: f64) -> Resul
         if usable_s < NEEDS.shortest_s {
             let duration_s = own.iter().map(Chain::duration_s).fold(0.0, f64::max);
             return Err(
-                Refusal::TooShort { run: run.name.clone(), duration_s, needed_s: NEEDS.shortest_s }.into()
+                Refusal { run: run.name.clone(), why: Why::TooShort(duration_s, NEEDS.shortest_s) }.into()
             );
         }
         chains.extend(own);

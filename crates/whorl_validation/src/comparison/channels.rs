@@ -1,7 +1,5 @@
 //! Errors of each channel at each horizon.
 
-use std::collections::BTreeMap;
-
 use serde::Serialize;
 use whorl_math::statistics::chi_squared_quantile;
 use whorl_math::{GrowingCurve, three_digits};
@@ -28,8 +26,6 @@ pub struct HorizonError {
     /// 100 (1 - |y - predicted| / |y - mean y|) [%]; `None` for a channel that does not move beyond its noise, and for
     /// directions.
     pub fit_percent: Option<f64>,
-    /// Samples predicted.
-    pub samples: usize,
 }
 
 impl HorizonError {
@@ -80,8 +76,7 @@ pub struct Overlay {
 
 /// A channel while its errors come in.
 struct Column {
-    name: String,
-    quantity: Channel,
+    channel: ChannelErrors,
     /// One, or those across a direction.
     components: Vec<Component>,
     /// By horizon.
@@ -124,7 +119,6 @@ impl Sums {
             ratio: (self.normalised_squared / count).sqrt(),
             band_99: (band(0.005), band(0.995)),
             fit_percent: moves.then(|| 100.0 * (1.0 - (self.errors_squared / about_mean).sqrt())),
-            samples: (count / components).round() as usize,
         }
     }
 }
@@ -133,64 +127,57 @@ impl Sums {
 pub(super) struct Errors<'a> {
     horizons_s: &'a [f64],
     columns: Vec<Column>,
-    /// Which column a component is of.
-    of: BTreeMap<Component, usize>,
     /// On the way to the last horizon, all channels.
     together: PredictionError,
 }
 
 impl<'a> Errors<'a> {
-    /// Over these horizons \[s\] and the whole run, whose position is behind theirs.
-    pub fn new(case: &Prepared<'_>, horizons_s: &'a [f64]) -> Self {
-        let (recording, model) = (case.recording(), case.model());
-        let wheels: Vec<&str> = model.wheels().iter().map(|wheel| wheel.name.as_str()).collect();
-        let last_s = horizons_s.last().copied().unwrap_or(0.0);
+    /// Over these horizons \[s\] and the whole run, whose position is behind theirs; with the noise that the run shows and that which is stated.
+    pub fn new(case: &Prepared<'_>, horizons_s: &'a [f64], [noise, stated]: [&Noise; 2]) -> Self {
+        let wheels: Vec<&str> = case.model().wheels().iter().map(|wheel| wheel.name.as_str()).collect();
+        let horizon_s = horizons_s.last().copied().unwrap_or(0.0);
+        let is_direction = |of: &Component| of.channel.info().form == Form::Directions;
         // Both axes across a direction are one channel.
         let is_one = |a: &Component, b: &Component| {
-            a.channel.info().form == Form::Directions && (a.channel, a.sensor()) == (b.channel, b.sensor())
+            is_direction(a) && (a.channel, a.sensor()) == (b.channel, b.sensor())
         };
-        let components: Vec<Component> = case.components().collect();
-        let mut of = BTreeMap::new();
-        let mut column = |(k, components): (usize, &[Component])| {
-            of.extend(components.iter().map(|component| (*component, k)));
-            let first = components.first()?;
-            let (quantity, is_direction) = (first.channel, first.channel.info().form == Form::Directions);
-            let name = match (is_direction, recording.vectors.len() > 1) {
+        let column = |components: &[Component]| {
+            let first = components[0];
+            let quantity = first.channel;
+            let name = match (is_direction(&first), case.recording().vectors.len() > 1) {
                 (true, true) => format!("{}_{}", quantity.info().key, first.sensor() + 1),
                 (true, false) => quantity.info().key.to_owned(),
                 _ => first.name(&wheels),
             };
-            let curve = GrowingCurve::default;
-            let overlay = (!is_direction).then(|| Overlay {
-                name: name.clone(),
-                quantity,
-                horizon_s: last_s,
-                measured: curve(),
-                predicted: curve(),
-                error: curve(),
-                stddev: curve(),
+            let [measured, predicted, error, stddev] = std::array::from_fn(|_| GrowingCurve::default());
+            let overlay = (!is_direction(&first)).then(|| {
+                let name = name.clone();
+                Overlay { name, quantity, horizon_s, measured, predicted, error, stddev }
             });
-            let sums = vec![Sums::default(); horizons_s.len() + 1];
-            Some(Column { name, quantity, components: components.to_vec(), sums, overlay })
+            let of = |noise: &Noise| noise.of(first) * (components.len() as f64).sqrt();
+            let (unit, horizons) = (quantity.unit(), Vec::new());
+            let (noise_floor, stated_noise) = (of(noise), of(stated));
+            Column {
+                channel: ChannelErrors { name, quantity, unit, noise_floor, stated_noise, horizons },
+                components: components.to_vec(),
+                sums: vec![Sums::default(); horizons_s.len() + 1],
+                overlay,
+            }
         };
-        let columns = components.chunk_by(is_one).enumerate().filter_map(&mut column).collect();
-        Self {
-            horizons_s,
-            columns,
-            of,
-            together: PredictionError { horizon_s: last_s, squares: 0.0, numbers: 0 },
-        }
+        let components: Vec<Component> = case.components().collect();
+        let together = PredictionError { horizon_s, squares: 0.0, numbers: 0 };
+        Self { horizons_s, columns: components.chunk_by(is_one).map(column).collect(), together }
     }
 
     /// Adds an error of a horizon, by its position.
     pub fn add(&mut self, horizon: usize, error: &AheadError) {
-        let column = self.of.get(&error.error.component).and_then(|k| self.columns.get_mut(*k));
-        let Some(column) = column else { return };
-        let (is_run, is_last) = (horizon == self.horizons_s.len(), horizon + 1 == self.horizons_s.len());
-        if let Some(sums) = column.sums.get_mut(horizon).filter(|_| is_run || error.is_at_horizon) {
-            sums.add(error);
+        let mut columns = self.columns.iter_mut();
+        let Some(column) = columns.find(|of| of.components.contains(&error.error.component)) else { return };
+        let is_run = horizon == self.horizons_s.len();
+        if is_run || error.is_at_horizon {
+            column.sums[horizon].add(error);
         }
-        if !is_last {
+        if horizon + 1 != self.horizons_s.len() {
             return;
         }
         self.together.squares += error.error.normalised().powi(2);
@@ -204,29 +191,18 @@ impl<'a> Errors<'a> {
         }
     }
 
-    /// The errors, with the noise that the run shows and that which is stated, the curves, and all errors together.
-    pub fn finish(
-        self,
-        noise: &Noise,
-        stated: &Noise,
-    ) -> (Vec<ChannelErrors>, Vec<Overlay>, Option<PredictionError>) {
-        let (mut channels, mut overlays) = (Vec::new(), Vec::new());
-        for column in self.columns {
-            let Some(first) = column.components.first() else { continue };
-            let components = column.components.len() as f64;
-            let of = |noise: &Noise| noise.of(*first) * components.sqrt();
-            let horizons = self.horizons_s.iter().copied().map(Some).chain([None]);
-            let errors = horizons.zip(&column.sums).map(|(h, sums)| sums.error(h, components, of(noise)));
-            channels.push(ChannelErrors {
-                horizons: errors.collect(),
-                unit: column.quantity.unit(),
-                quantity: column.quantity,
-                noise_floor: of(noise),
-                stated_noise: of(stated),
-                name: column.name,
-            });
-            overlays.extend(column.overlay);
-        }
+    /// The errors, the curves, and all errors together.
+    pub fn finish(self) -> (Vec<ChannelErrors>, Vec<Overlay>, Option<PredictionError>) {
+        let horizons = || self.horizons_s.iter().copied().map(Some).chain([None]);
+        let finished = |column: Column| {
+            let mut channel = column.channel;
+            let (components, noise) = (column.components.len() as f64, channel.noise_floor);
+            channel.horizons =
+                horizons().zip(&column.sums).map(|(h, sums)| sums.error(h, components, noise)).collect();
+            (channel, column.overlay)
+        };
+        let (channels, overlays): (Vec<_>, Vec<_>) = self.columns.into_iter().map(finished).unzip();
+        let overlays = overlays.into_iter().flatten().collect();
         (channels, overlays, Some(self.together).filter(|together| together.numbers > 0))
     }
 }

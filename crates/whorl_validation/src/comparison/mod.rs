@@ -7,7 +7,7 @@ mod words;
 
 pub use channels::{ChannelErrors, HorizonError, Overlay, ahead};
 pub use verdict::{Absolute, PredictionError, Unexplained};
-pub use whiteness::{InputCorrelation, White, Whiteness};
+pub use whiteness::Whiteness;
 pub use whorl_recording::Channel;
 pub use words::SMALL_ERROR;
 
@@ -20,8 +20,8 @@ use channels::Errors;
 use whiteness::Innovations;
 
 use crate::error::ValidationError;
-use crate::followed::followed;
 use crate::remarks::remarks;
+use crate::unexplained::followed;
 
 /// Prediction horizons \[s\], in addition to the whole run; the last is a quarter of runs that are shorter than four of it.
 pub const HORIZONS_S: [f64; 3] = [0.1, 1.0, 10.0];
@@ -43,8 +43,6 @@ pub struct Comparison {
     pub platform: String,
     /// Length \[s\].
     pub duration_s: f64,
-    /// Samples of the gyro (clamped platform: of the wheels) per second \[Hz\].
-    pub rate_hz: f64,
     /// Errors of every channel.
     pub channels: Vec<ChannelErrors>,
     /// Errors of all channels together, on the way to the longest horizon.
@@ -53,14 +51,8 @@ pub struct Comparison {
     pub absolute: Absolute,
     /// What pushes the platform beside its model.
     pub unexplained: Unexplained,
-    /// Whether each channel's innovations are white with the model alone.
-    pub white: Vec<White>,
-    /// What is left in each channel's innovations of the filter that allows for what is unexplained.
+    /// What is left in each channel's innovations with the model alone.
     pub whiteness: Vec<Whiteness>,
-    /// Whether a controller was running.
-    pub closed_loop: bool,
-    /// Gyro bias beyond the model's at the start, as the run shows it [rad/s].
-    pub gyro_bias_rad_s: [f64; 3],
     /// Consequences of missing channels, and other remarks, one sentence each.
     pub remarks: Vec<String>,
     /// Curves for plots; not part of the JSON.
@@ -93,51 +85,34 @@ pub fn compare_as(
     let longest_s = HORIZONS_S[2].min(duration_s / FEWEST_STRETCHES);
     let horizons_s: Vec<f64> = HORIZONS_S.into_iter().filter(|h| *h < longest_s).chain([longest_s]).collect();
 
-    let mut errors = Errors::new(&case, &horizons_s);
-    let mut innovations = Innovations::new(&case);
+    let mut errors = Errors::new(&case, &horizons_s, [&followed.noise, &stated]);
+    let mut innovations = Innovations::default();
+    let is_disturbed = followed.noise.disturbance.is_some();
     predict(&case, &followed.noise, &followed.fitted.start, &horizons_s, &mut |told| match told {
-        Told::Innovation(innovation) => innovations.add(innovation),
+        Told::Innovation(innovation) if !is_disturbed => innovations.add(innovation),
+        Told::Innovation(_) => {}
         Told::Ahead(horizon, error) => errors.add(horizon, error),
     });
-    simulate(&case, &followed.undisturbed_noise(), &followed.undisturbed, &mut |error| {
-        errors.add(horizons_s.len(), error)
-    });
-
-    let white = if followed.noise.disturbance.is_some() {
-        let mut alone = Innovations::new(&case);
-        predict(&case, &followed.undisturbed_noise(), &followed.undisturbed.start, &[], &mut |told| {
+    let (quiet, alone) = (followed.undisturbed_noise(), &followed.undisturbed);
+    simulate(&case, &quiet, alone, &mut |error| errors.add(horizons_s.len(), error));
+    if is_disturbed {
+        predict(&case, &quiet, &alone.start, &[], &mut |told| {
             if let Told::Innovation(innovation) = told {
-                alone.add(innovation);
+                innovations.add(innovation);
             }
         });
-        alone.white()
-    } else {
-        innovations.white()
-    };
-    let (channels, overlays, prediction) = errors.finish(&followed.noise, &stated);
-    let times = if recording.gyro_b_rad_s.is_empty() {
-        &recording.wheel_speed_rad_s.time_s
-    } else {
-        &recording.gyro_b_rad_s.time_s
-    };
-    let bias = followed.undisturbed.start.layout.gyro_bias();
-    let bias = |axis: usize| {
-        followed.undisturbed.start.beside.get(bias.start + axis).copied().filter(|_| !bias.is_empty())
-    };
+    }
+    let (channels, overlays, prediction) = errors.finish();
     Ok(Comparison {
         run: recording.name.clone(),
         platform: recording.platform.clone(),
         duration_s,
-        rate_hz: times.len().saturating_sub(1) as f64 / duration_s,
         remarks: remarks(&case, &followed.noise, &stated),
         channels,
         prediction,
         absolute: Absolute::of(&followed.undisturbed_likelihood, followed.undisturbed.determined),
         unexplained: Unexplained::of(&case, &followed),
-        white,
-        whiteness: innovations.tests(),
-        closed_loop: recording.closed_loop,
-        gyro_bias_rad_s: [0, 1, 2].map(|axis| bias(axis).unwrap_or(0.0)),
+        whiteness: innovations.tests(&case),
         overlays,
         followed,
     })

@@ -57,8 +57,6 @@ pub struct Unexplained {
     pub torque_b_n_m: [f64; 3],
     /// Of each wheel's motor about its axis, with its wheel's name [N m].
     pub motors_n_m: Vec<(String, f64)>,
-    /// By how much they make the run likelier (natural logarithm).
-    pub gain_nats: f64,
 }
 
 impl Unexplained {
@@ -68,7 +66,6 @@ impl Unexplained {
         Self {
             torque_b_n_m: of.body_stddev_b_n_m(),
             motors_n_m: wheels.zip(of.motors_n_m.iter().copied()).collect(),
-            gain_nats: followed.gain_nats,
         }
     }
 

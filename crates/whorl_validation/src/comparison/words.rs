@@ -5,7 +5,7 @@ use std::fmt;
 use whorl_math::three_digits;
 
 use super::whiteness::FEWEST;
-use super::{ChannelErrors, Comparison, Unexplained, White, ahead};
+use super::{ChannelErrors, Comparison, Unexplained, Whiteness, ahead};
 
 /// Largest ratio to the predicted deviation at which a channel counts as explained.
 const EXPLAINED: f64 = 1.1;
@@ -16,8 +16,8 @@ pub const SMALL_ERROR: f64 = 0.05;
 const LEAST_TOLD: f64 = 0.01;
 /// Probability that the innovations of a true model are called correlated, all channels of a run together.
 const FALSE_ALARM: f64 = 0.01;
-/// Largest number of findings to report, and of correlated channels to name.
-const FINDINGS: usize = 3;
+/// Largest number of correlated channels to name.
+const NAMED: usize = 3;
 
 impl Comparison {
     /// Run and platform.
@@ -87,30 +87,31 @@ impl Comparison {
     /// Whether the innovations of the model alone are white, in a sentence.
     #[must_use]
     pub fn said_of_innovations(&self) -> String {
-        of_innovations(&self.white)
-    }
-
-    /// Findings of the whiteness tests, one sentence each, the most significant first.
-    #[must_use]
-    pub fn findings(&self) -> Vec<String> {
-        // With the significance of each: power of a line, or correlation over its band.
-        let mut findings: Vec<(f64, String)> = Vec::new();
-        for w in &self.whiteness {
-            if let Some(line) = w.periodogram.as_ref().filter(|p| !p.is_white()).and_then(|p| p.line_hz) {
-                let text =
-                    format!("{}: a line at {line:.2} Hz stands out of the innovations' spectrum.", w.channel);
-                findings.push((f64::INFINITY, text));
-            }
-            if let Some(input) = w.inputs.first().filter(|i| i.significant) {
-                let text = format!(
-                    "{}: what is left correlates with {} (correlation {:.3} after {} samples, 99 % band {:.3}).",
-                    w.channel, input.input, input.value, input.lag, input.correlation.joint_band_99
-                );
-                findings.push((input.value.abs() / input.correlation.joint_band_99, text));
-            }
+        if self.whiteness.is_empty() {
+            return format!(
+                "The run is too short to see whether innovations are white: fewer than {FEWEST} readings."
+            );
         }
-        findings.sort_by(|a, b| b.0.total_cmp(&a.0));
-        findings.into_iter().take(FINDINGS).map(|(_, text)| text).collect()
+        // All channels together: the level of each is as much smaller (Bonferroni).
+        let level = FALSE_ALARM / self.whiteness.len() as f64;
+        let mut coloured: Vec<&Whiteness> =
+            self.whiteness.iter().filter(|of| of.ljung_box.p_value < level).collect();
+        if coloured.is_empty() {
+            return "Innovations of the model alone are white: each reading differs from its prediction by noise that nothing before foretells."
+                .to_owned();
+        }
+        let excess = |of: &Whiteness| of.ljung_box.statistic / of.ljung_box.limit_99;
+        coloured.sort_by(|a, b| excess(b).total_cmp(&excess(a)));
+        let named = |of: &&Whiteness| {
+            format!("of {} over about {} s", of.channel, three_digits(of.correlated_over_s))
+        };
+        let named: Vec<String> = coloured.iter().take(NAMED).map(named).collect();
+        let others = coloured.len().saturating_sub(NAMED);
+        let others = if others > 0 { format!(", and of {others} other channels") } else { String::new() };
+        format!(
+            "Innovations of the model alone are correlated, so that something is left to predict: those {}{others}.",
+            named.join(", ")
+        )
     }
 
     /// The prediction error over all channels, relative to what the model predicts; `None` if the run is too short for
@@ -147,31 +148,4 @@ impl fmt::Display for Unexplained {
 fn worst_horizon(channel: &ChannelErrors) -> Option<(f64, f64, f64)> {
     let longest = channel.horizons.iter().rev().find_map(|h| h.horizon_s.map(|s| (s, h.rms, h.ratio)));
     longest.filter(|(_, _, ratio)| ratio.is_finite())
-}
-
-/// "Innovations of the model alone are white ..."
-fn of_innovations(channels: &[White]) -> String {
-    if channels.is_empty() {
-        return format!(
-            "The run is too short to see whether innovations are white: fewer than {FEWEST} readings."
-        );
-    }
-    // All channels together: the level of each is as much smaller (Bonferroni).
-    let level = FALSE_ALARM / channels.len() as f64;
-    let mut coloured: Vec<&White> = channels.iter().filter(|of| of.ljung_box.p_value < level).collect();
-    if coloured.is_empty() {
-        return "Innovations of the model alone are white: each reading differs from its prediction by noise that nothing before foretells."
-            .to_owned();
-    }
-    let excess = |of: &White| of.ljung_box.statistic / of.ljung_box.limit_99;
-    coloured.sort_by(|a, b| excess(b).total_cmp(&excess(a)));
-    let named =
-        |of: &&White| format!("of {} over about {} s", of.channel, three_digits(of.correlated_over_s));
-    let named: Vec<String> = coloured.iter().take(FINDINGS).map(named).collect();
-    let others = coloured.len().saturating_sub(FINDINGS);
-    let others = if others > 0 { format!(", and of {others} other channels") } else { String::new() };
-    format!(
-        "Innovations of the model alone are correlated, so that something is left to predict: those {}{others}.",
-        named.join(", ")
-    )
 }

@@ -10,7 +10,7 @@ use whorl_dynamics::{Freedom, PlatformModel};
 use whorl_recording::{Mounting, Recording};
 
 use super::generator::{platform, record, turning};
-use crate::dependence::{Growth, Parity};
+use crate::{Growth, Parity};
 use crate::{Localisation, explain_where, unexplained_torques};
 
 fn located(recording: &whorl_recording::Recording, model: &PlatformModel) -> Localisation {

@@ -8,10 +8,10 @@ use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 use whorl_dynamics::platform::{TiltLimit, Wheel};
 use whorl_dynamics::{Freedom, MassProperties, PlatformModel};
-use whorl_prediction::{Parameter, Settings, fit};
+use whorl_prediction::{Parameter, Rival, Settings, fit};
 use whorl_recording::{Mounting, Recording, VectorChannel};
 
-use crate::dependence::{Frame, Growth, Parity};
+use crate::{Frame, Growth, Parity};
 use crate::{compare, explain_where, unexplained_torques};
 
 const GYRO_RAD_S: f64 = 0.02;
@@ -308,7 +308,7 @@ fn what_is_fitted_with_an_accelerometer_that_lacks_axes_is_as_good_as_it_says() 
             for force in &mut run.specific_force_b_m_s2.value {
                 *force = force.zip_map(&Vector3::from(lacks), |f, lacks| if lacks { 0.0 } else { f });
             }
-            let fitted = fit(&[run], &parameters, &at, &start, &Settings::default()).unwrap();
+            let fitted = fit(&[run], &parameters, &at, &start, Rival::NONE, &Settings::default()).unwrap();
             for (i, off) in off.iter_mut().enumerate() {
                 off.push(fitted.at[i] / fitted.covariance[(i, i)].sqrt());
             }

@@ -3,7 +3,7 @@
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
-use crate::statistics::{autocorrelations, cross_correlation, cumulative_periodogram, ljung_box};
+use crate::statistics::{autocorrelations, ljung_box};
 
 /// The same series as in `statistics_reference.py`.
 fn series() -> Vec<f64> {
@@ -34,55 +34,28 @@ fn ljung_box_agrees_with_statsmodels() {
 #[test]
 fn correlations_agree_with_numpy() {
     let x = series();
-    let u: Vec<f64> = x.iter().skip(1).chain([&0.0]).copied().collect();
     let r: Vec<f64> = autocorrelations(&x).unwrap().take(4).collect();
     for (found, expected) in r.iter().zip(REFERENCE_AUTOCORRELATION) {
         assert!((found - expected).abs() < 1e-12, "{r:?}");
     }
-    // u is x one sample early: x lags u by one sample.
-    let c = cross_correlation(&x, &u, 5).unwrap();
-    let (lag, value) = c.largest(false).unwrap();
-    assert_eq!(lag, 1);
-    assert!((value - REFERENCE_CROSS_CORRELATION).abs() < 1e-12, "{value}");
-    assert!((c.band_99 - 2.575_829_303_548_901 / 20.0).abs() < 1e-12);
 }
 
 #[test]
-fn the_cumulative_periodogram_of_a_sine_is_a_step() {
-    // 32 whole periods in 512 samples at 64 Hz: 4 Hz.
-    let x: Vec<f64> = (0..512).map(|k| (std::f64::consts::TAU * f64::from(k) / 16.0).sin()).collect();
-    let p = cumulative_periodogram(&x, 64.0).unwrap();
-    let (below, above): (Vec<_>, Vec<_>) = p.frequency_hz.iter().zip(&p.share).partition(|(f, _)| **f < 3.99);
-    assert!(below.iter().all(|(_, share)| **share < 1e-9));
-    assert!(above.iter().all(|(_, share)| **share > 1.0 - 1e-9));
-    assert_eq!(p.line_hz, Some(4.0));
-    assert!(!p.is_white());
-}
-
-#[test]
-fn tests_refuse_white_noise_once_in_a_hundred() {
+fn the_test_refuses_white_noise_once_in_a_hundred() {
     let mut random = Pcg64::new(99, 7);
-    let (mut ljung, mut periodogram, mut crossed) = (0, 0, 0);
+    let mut refused = 0;
     for _ in 0..1000 {
         let x: Vec<f64> = (0..512).map(|_| StandardNormal.sample(&mut random)).collect();
-        let u: Vec<f64> = (0..512).map(|k| f64::from(k / 40 % 3)).collect();
-        ljung += u32::from(!ljung_box(&x, 25).unwrap().is_white());
-        periodogram += u32::from(!cumulative_periodogram(&x, 100.0).unwrap().is_white());
-        crossed += u32::from(cross_correlation(&x, &u, 25).unwrap().is_significant(false));
+        refused += u32::from(!ljung_box(&x, 25).unwrap().is_white());
     }
-    // Ten expected, standard deviation three; neighbouring lags of a slow input are one test, not many.
-    assert!((1..=25).contains(&ljung), "{ljung}");
-    assert!((1..=22).contains(&periodogram), "{periodogram}");
-    assert!(crossed <= 22, "{crossed}");
+    // Ten expected, standard deviation three.
+    assert!((1..=25).contains(&refused), "{refused}");
 }
 
 #[test]
 fn series_that_do_not_vary_have_no_statistics() {
     assert_eq!(ljung_box(&[1.0; 200], 25), None);
     assert_eq!(ljung_box(&[1.0, 2.0], 25), None);
-    assert_eq!(cumulative_periodogram(&[0.0; 200], 10.0), None);
-    assert_eq!(cross_correlation(&[0.0; 200], &[1.0; 200], 5), None);
-    assert_eq!(cross_correlation(&[0.0; 3], &[1.0; 200], 5), None);
 }
 
 const REFERENCE_LJUNG_BOX: [(u32, f64, f64); 3] = [
@@ -93,4 +66,3 @@ const REFERENCE_LJUNG_BOX: [(u32, f64, f64); 3] = [
 const REFERENCE_LIMIT_25: f64 = 4.431410489621915e+01;
 const REFERENCE_AUTOCORRELATION: [f64; 4] =
     [1.0, 2.881504187350489e-01, 4.823667185065316e-02, -4.713214768158148e-02];
-const REFERENCE_CROSS_CORRELATION: f64 = 9.979200886457009e-01;

@@ -7,7 +7,7 @@ use whorl_explain::{ProgressCallback, compare as compare_runs, locate as locate_
 use whorl_identification::{Options, Progress};
 use whorl_math::three_digits;
 use whorl_params::effect_yaml;
-use whorl_report::{comparison_figures, diagnosis_figures, discovery_figures, localisation_figures};
+use whorl_report::{comparison_figures, diagnosis_figures, localisation_figures};
 
 use crate::api::{Ask, FileChange};
 use crate::bench::Workbench;
@@ -32,8 +32,7 @@ pub fn compared(bench: &Workbench, say: &mut ProgressCallback<'_>) -> Result<Don
         compared.iter().map(|run| format!("{}{}", run.comparison.answer(), held(run))).collect();
     for run in &compared {
         let of = if compared.len() > 1 { format!("{}: ", run.comparison.run) } else { String::new() };
-        let said = std::iter::once(run.comparison.said_of_innovations()).chain(run.comparison.findings());
-        sentences.extend(said.map(|sentence| format!("{of}{sentence}")));
+        sentences.push(format!("{of}{}", run.comparison.said_of_innovations()));
     }
     sentences.extend(runs.gaps());
     Ok(Done {
@@ -139,7 +138,6 @@ pub fn discovered(bench: &Workbench, say: &mut ProgressCallback<'_>) -> Result<D
         is_answer: true,
         sentences: answer.into_iter().chain(runs.left_out()).collect(),
         json,
-        figures: discovery_figures(&found),
         changes,
         again: Vec::<Ask>::new(),
         ..Done::default()

@@ -45,7 +45,7 @@ pub fn platform(bench: &Workbench) -> Result<Platform> {
         principal_axes: [0, 1, 2].map(|k| moments.eigenvectors.column(k).into_owned().into()),
         arrows: arrows(model),
         parameters: parameters(bench.folder(), &known)?,
-        history: history::as_json(&whorl_explain::history(&known)),
+        history: history::as_json(&known),
     })
 }
 

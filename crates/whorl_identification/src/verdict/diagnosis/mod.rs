@@ -13,7 +13,7 @@ use crate::fitting::refit::Fit;
 pub const SCHEMA: u32 = 3;
 
 /// The verdict of a diagnosis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// One set of effects is supported well above every other.
@@ -25,6 +25,7 @@ pub enum Verdict {
     /// The model explains the data to the noise, and an effect of ordinary size would have been seen.
     NothingMissing,
     /// The data could not have shown an effect of ordinary size.
+    #[default]
     NotEnoughInformation,
 }
 
@@ -43,6 +44,13 @@ pub struct ParameterEstimate {
     pub at_bound: bool,
     /// The smallest value that these data would have revealed clearly (five standard deviations).
     pub smallest_detectable: f64,
+}
+
+impl ParameterEstimate {
+    pub(crate) fn new(name: impl Into<String>, unit: &str, estimate: f64, stddev: f64) -> Self {
+        let (name, unit) = (name.into(), unit.to_owned());
+        Self { name, unit, estimate, stddev, at_bound: false, smallest_detectable: 5.0 * stddev }
+    }
 }
 
 /// One effect as an explanation of the base model's residual.
@@ -66,6 +74,27 @@ pub struct Candidate {
     pub indistinguishable_from: Vec<String>,
     /// Its parameters.
     pub parameters: Vec<ParameterEstimate>,
+}
+
+impl Candidate {
+    /// Of an effect that the samples show directly.
+    pub(crate) fn seen(
+        effect: &str,
+        drop: f64,
+        log_evidence: f64,
+        parameters: Vec<ParameterEstimate>,
+    ) -> Self {
+        Self {
+            effect: effect.to_owned(),
+            delta_log_evidence: log_evidence,
+            held_out_gain: None,
+            share_of_excess: 1.0,
+            swallowed_by_base: 0.0,
+            detectability: drop,
+            indistinguishable_from: Vec::new(),
+            parameters,
+        }
+    }
 }
 
 /// The driving variable of a torque or a sensor error that no effect of the catalogue explains.
@@ -111,13 +140,11 @@ impl Unknown {
     pub(crate) fn contradiction(power: f64) -> Self {
         Self {
             variable: "gyro_rate".to_owned(),
-            frame: "body".to_owned(),
             axis: "x".to_owned(),
             parity: "odd".to_owned(),
-            frequency_hz: None,
             share: (1.0 - 1.0 / power).clamp(0.0, 1.0),
-            size: 0.0,
             unit: "rad/s".to_owned(),
+            ..Self::torque_in_time(0.0)
         }
     }
 
@@ -155,7 +182,7 @@ pub struct ParameterOfSet {
 
 /// A set of explanations that was fitted, with what it was found to be worth. Logarithms are natural; each is up to a constant that all
 /// sets of a diagnosis share.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FittedSet {
     /// Effects of the catalogue that it holds; empty for none.
     pub effects: Vec<String>,
@@ -235,7 +262,7 @@ pub struct NextManoeuvre {
 }
 
 /// The result of a diagnosis.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Diagnosis {
     /// [`SCHEMA`].
     pub schema: u32,
@@ -270,8 +297,6 @@ pub struct Diagnosis {
     /// Noise of each channel of each run.
     #[serde(default)]
     pub noise: Vec<NoiseScale>,
-    /// Runs that disagree with the others.
-    pub odd_runs: Vec<String>,
     /// What to do next.
     pub next: Option<NextManoeuvre>,
     /// Consequences of missing channels, noise levels that differ from the model's, and other remarks,
@@ -290,41 +315,23 @@ impl Diagnosis {
     /// The same without a verdict, for this reason.
     pub(crate) fn withheld(mut self, reason: String) -> Self {
         self.remarks.insert(0, reason);
-        self.verdict = Verdict::NotEnoughInformation;
-        self.effects.clear();
-        self.confounded_with.clear();
-        self.explanations.clear();
-        self.kind = None;
-        self.unknown = None;
-        self.next = Some(NextManoeuvre {
-            manoeuvre: "the same again, with the missing channel recorded".to_owned(),
-            expected_log_odds: 0.0,
-        });
-        self
+        let manoeuvre = "the same again, with the missing channel recorded".to_owned();
+        Self {
+            verdict: Verdict::NotEnoughInformation,
+            effects: Vec::new(),
+            confounded_with: Vec::new(),
+            explanations: Vec::new(),
+            kind: None,
+            unknown: None,
+            next: Some(NextManoeuvre { manoeuvre, expected_log_odds: 0.0 }),
+            ..self
+        }
     }
 
     /// Nothing can be said.
     #[must_use]
     pub fn not_enough_information() -> Self {
-        Self {
-            schema: SCHEMA,
-            verdict: Verdict::NotEnoughInformation,
-            would_have_shown: false,
-            effects: Vec::new(),
-            confounded_with: Vec::new(),
-            explanations: Vec::new(),
-            background: BackgroundTorque::default(),
-            noise: Vec::new(),
-            kind: None,
-            unknown: None,
-            candidates: Vec::new(),
-            slow_residual: SlowResidual::default(),
-            odd_runs: Vec::new(),
-            next: None,
-            remarks: Vec::new(),
-            fits: BTreeMap::new(),
-            fitted: Vec::new(),
-        }
+        Self { schema: SCHEMA, ..Self::default() }
     }
 
     /// The sets of effects that a further run should tell apart: those that are left, or where nothing is in doubt the
@@ -334,17 +341,14 @@ impl Diagnosis {
         let mut sets = vec![self.effects.clone()];
         sets.extend(self.confounded_with.iter().cloned());
         if sets.len() == 1 {
-            let own = |id: &str| self.effects.iter().any(|e| e == id);
-            let weakest = self
-                .candidates
-                .iter()
-                .filter(|c| own(&c.effect))
-                .min_by(|a, b| a.delta_log_evidence.total_cmp(&b.delta_log_evidence))
-                .map(|c| c.effect.clone());
-            let kept: Vec<String> =
-                self.effects.iter().filter(|e| Some(*e) != weakest.as_ref()).cloned().collect();
-            let others = self.candidates.iter().filter(|c| !own(&c.effect)).take(RIVALS);
-            sets.extend(others.map(|c| kept.iter().cloned().chain([c.effect.clone()]).collect::<Vec<_>>()));
+            let (own, others): (Vec<&Candidate>, Vec<&Candidate>) =
+                self.candidates.iter().partition(|row| self.effects.contains(&row.effect));
+            let weakest = own.iter().min_by(|a, b| a.delta_log_evidence.total_cmp(&b.delta_log_evidence));
+            let is_kept = |id: &&String| weakest.is_none_or(|row| row.effect != **id);
+            let kept: Vec<String> = self.effects.iter().filter(is_kept).cloned().collect();
+            sets.extend(
+                others.iter().take(RIVALS).map(|row| [&kept[..], std::slice::from_ref(&row.effect)].concat()),
+            );
         }
         sets.dedup();
         sets

@@ -11,54 +11,38 @@ impl Diagnosis {
         let Some(error) = held_out.or(training) else { return self };
         let largest = error.max(training.unwrap_or(error));
         let is_withheld = self.explanations.is_empty();
+        let is_good = error <= settings.at_the_noise && largest <= settings.above_the_noise;
         // Sensors that contradict each other do so at any error: it is taken in units of noise that they show.
-        let contradicts = self.unknown.as_ref().is_some_and(Unknown::is_contradiction);
-        if error <= settings.at_the_noise
-            && largest <= settings.above_the_noise
-            && self.unknown.is_some()
-            && !contradicts
-        {
+        let is_law = |unknown: &mut Unknown| !unknown.is_contradiction();
+        if let Some(unknown) = self.unknown.take_if(|unknown| is_good && is_law(unknown)) {
             self.remarks.push(format!(
-                "{} explains a little more, but the model predicts to within {:.0} % of what noise allows without it.",
-                self.unknown.take().map_or_else(String::new, |unknown| format!("A law of {}", unknown.variable)),
+                "A law of {} explains a little more, but the model predicts to within {:.0} % of what noise allows without it.",
+                unknown.variable,
                 (100.0 * (error - 1.0)).ceil().max(1.0)
             ));
-            self.say_of_unknown(false);
-            if self.verdict == Verdict::Unknown {
-                self.verdict = if self.would_have_shown {
-                    Verdict::NothingMissing
-                } else {
-                    Verdict::NotEnoughInformation
-                };
-                self.next = advice(self.verdict, &self.candidates);
-            }
+            let silent =
+                if self.would_have_shown { Verdict::NothingMissing } else { Verdict::NotEnoughInformation };
+            self.verdict = if self.verdict == Verdict::Unknown { silent } else { self.verdict };
         } else if largest > settings.above_the_noise && self.unknown.is_none() && !is_withheld {
             self.remarks
                 .push(format!("Predictions err by {largest:.1} times the noise with all that has a name."));
-            self.unknown = Some(
-                self.law_beside().unwrap_or_else(|| Unknown { share: 0.0, ..Unknown::torque_in_time(0.0) }),
-            );
-            self.say_of_unknown(true);
-            if self.effects.is_empty() {
-                self.verdict = Verdict::Unknown;
-                self.next = advice(self.verdict, &self.candidates);
-            }
+            // The likeliest law beside the effects that are named.
+            let laws =
+                self.fitted.iter().filter(|set| set.effects == self.effects && set.termination.is_none());
+            let law = laws.max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior));
+            let nothing_known = || Unknown { share: 0.0, ..Unknown::torque_in_time(0.0) };
+            self.unknown = Some(law.and_then(|law| law.unmodelled.clone()).unwrap_or_else(nothing_known));
+            self.verdict = if self.effects.is_empty() { Verdict::Unknown } else { self.verdict };
+        } else {
+            return self;
+        }
+        let with_unknown = self.unknown.is_some();
+        self.explanations.iter_mut().for_each(|explanation| explanation.with_unknown = with_unknown);
+        merge(&mut self.explanations);
+        if self.effects.is_empty() {
+            self.next = advice(self.verdict, &self.candidates);
         }
         self
-    }
-
-    fn say_of_unknown(&mut self, there: bool) {
-        for explanation in &mut self.explanations {
-            explanation.with_unknown = there;
-        }
-        merge(&mut self.explanations);
-    }
-
-    /// The likeliest law beside the effects that are named.
-    fn law_beside(&self) -> Option<Unknown> {
-        let laws = self.fitted.iter().filter(|set| set.effects == self.effects && set.parameters.is_empty());
-        let best = laws.max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior))?;
-        best.unmodelled.clone()
     }
 }
 

@@ -3,11 +3,13 @@
 use whorl_dynamics::effects::find;
 use whorl_math::three_digits;
 
-use crate::verdict::diagnosis::Candidate;
+use crate::verdict::diagnosis::{Candidate, ParameterEstimate};
 use crate::{Diagnosis, Explanation, Unknown, Verdict};
 
 /// So many sets that explain the data as well are read out; all of them are in `confounded_with`.
 const MOST_SETS: usize = 5;
+/// Parameters of an effect that are read out.
+const MOST_SIZES: usize = 4;
 
 fn title(id: &str) -> String {
     find(id).map_or_else(|| id.to_owned(), |e| format!("{} ({id})", e.info().title))
@@ -26,16 +28,12 @@ fn behind(unit: &str) -> String {
 }
 
 fn sizes(candidate: &Candidate) -> String {
-    let mut parts: Vec<String> = candidate
-        .parameters
-        .iter()
-        .take(4)
-        .map(|p| format!("{} = {:.3e} +- {:.1e}{}", p.name, p.estimate, p.stddev, behind(&p.unit)))
-        .collect();
-    if candidate.parameters.len() > 4 {
-        parts.push("...".to_owned());
-    }
-    parts.join(", ")
+    let shown = candidate.parameters.iter().take(MOST_SIZES);
+    let size = |p: &ParameterEstimate| {
+        format!("{} = {:.3e} +- {:.1e}{}", p.name, p.estimate, p.stddev, behind(&p.unit))
+    };
+    let more = (candidate.parameters.len() > MOST_SIZES).then(|| "...".to_owned());
+    shown.map(size).chain(more).collect::<Vec<_>>().join(", ")
 }
 
 /// A probability in words.
@@ -72,91 +70,28 @@ impl Unknown {
         let percent = (100.0 * self.share).round();
         let explains =
             if percent >= 1.0 { format!("; this explains {percent} % of the excess") } else { String::new() };
-        let mut sentences = vec![format!(
-            "The residual correlates best with {}{parity}{line}, about {} of the {} frame{explains}.",
-            self.variable, self.axis, self.frame
-        )];
-        if self.size > 0.0 {
-            sentences.push(format!(
-                "Its size is {:.1e}{} (root mean square).",
-                self.size,
-                behind(&self.unit)
-            ));
-        }
-        sentences
+        let (variable, axis, frame) = (&self.variable, &self.axis, &self.frame);
+        let first = format!(
+            "The residual correlates best with {variable}{parity}{line}, about {axis} of the {frame} frame{explains}."
+        );
+        let size = || format!("Its size is {:.1e}{} (root mean square).", self.size, behind(&self.unit));
+        std::iter::once(first).chain((self.size > 0.0).then(size)).collect()
     }
 }
 
 impl Diagnosis {
-    /// How probable a set is, to be read after its name; empty where it was not evaluated.
-    fn per_cent(&self, set: &[String]) -> String {
+    /// A set with how probable it is, if it was evaluated.
+    fn titled(&self, set: &[String]) -> String {
         let with_unknown = self.unknown.is_some();
         let own = self.explanations.iter().find(|e| e.with_unknown == with_unknown && e.effects == set);
-        own.map_or_else(String::new, |e| format!(", {}", percent(e.probability)))
+        let percent = own.map_or_else(String::new, |e| format!(", {}", percent(e.probability)));
+        format!("{}{percent}", list(set))
     }
 
     /// The verdict in a few sentences, most important first.
     #[must_use]
     pub fn answer(&self) -> Vec<String> {
-        let mut text = Vec::new();
-        let row = |id: &String| self.candidates.iter().find(|c| c.effect == *id);
-        match self.verdict {
-            Verdict::Named => {
-                text.push(format!(
-                    "The model lacks: {}{}.",
-                    list(&self.effects),
-                    self.per_cent(&self.effects)
-                ));
-            }
-            Verdict::Confounded => {
-                text.push(format!(
-                    "The model lacks {}{}, or an effect that these data cannot distinguish from it.",
-                    list(&self.effects),
-                    self.per_cent(&self.effects)
-                ));
-                let shown: Vec<String> = self
-                    .confounded_with
-                    .iter()
-                    .take(MOST_SETS)
-                    .map(|set| format!("{}{}", list(set), self.per_cent(set)))
-                    .collect();
-                let more = self.confounded_with.len() - shown.len();
-                let more = if more > 0 { format!("; and {more} more sets") } else { String::new() };
-                if !shown.is_empty() {
-                    text.push(format!("It may also be: {}{more}.", shown.join("; ")));
-                }
-            }
-            Verdict::Unknown => {
-                text.push("Something is missing that no effect of the catalogue explains.".to_owned());
-            }
-            Verdict::NothingMissing => {
-                text.push("Nothing is missing: the model, its own parameters refitted, explains the data to the noise.".to_owned());
-                if let Some(best) = self.candidates.iter().find(|c| !c.parameters.is_empty()) {
-                    text.push(format!(
-                        "Effects of ordinary size would have shown; for example {} from {}.",
-                        title(&best.effect),
-                        best.parameters.first().map_or_else(String::new, |p| format!(
-                            "{} = {:.1e}{}",
-                            p.name,
-                            p.smallest_detectable,
-                            behind(&p.unit)
-                        ))
-                    ));
-                }
-            }
-            Verdict::NotEnoughInformation => {
-                text.push("These data cannot show whether an effect is missing.".to_owned());
-                let likely: Vec<String> = self
-                    .explanations
-                    .iter()
-                    .take(MOST_SETS)
-                    .map(|e| format!("{} {}", e.title(), percent(e.probability)))
-                    .collect();
-                if likely.len() > 1 {
-                    text.push(format!("Of what was compared: {}.", likely.join("; ")));
-                }
-            }
-        }
+        let mut text = self.verdict_sentences();
         if let Some(unknown) = &self.unknown {
             if !self.effects.is_empty() {
                 text.push(
@@ -166,19 +101,14 @@ impl Diagnosis {
             }
             text.extend(unknown.sentences());
         }
-        for id in &self.effects {
-            if let Some(candidate) = row(id) {
-                text.push(format!("{id}: {}.", sizes(candidate)));
-            }
-        }
+        let rows = self.effects.iter().filter_map(|id| self.candidates.iter().find(|c| c.effect == *id));
+        text.extend(rows.map(|row| format!("{}: {}.", row.effect, sizes(row))));
         if !self.effects.is_empty() {
             let slow = &self.slow_residual;
-            let held = match (slow.held_out_before, slow.held_out_after) {
-                (Some(before), Some(after)) => {
+            let held =
+                slow.held_out_before.zip(slow.held_out_after).map_or_else(String::new, |(before, after)| {
                     format!(", and on held-out runs from {before:.2} to {after:.2}")
-                }
-                _ => String::new(),
-            };
+                });
             text.push(format!(
                 "With it the slow residual (whitened, summed over 1 and 8 s; 1 = noise) falls from {:.2} to {:.2}{held}.",
                 slow.before, slow.after
@@ -191,13 +121,51 @@ impl Diagnosis {
                 three_digits(self.background.correlation_s)
             ));
         }
-        if !self.odd_runs.is_empty() {
-            text.push(format!("Disagrees with the other runs: {}.", self.odd_runs.join(", ")));
-        }
-        if let Some(next) = &self.next {
-            text.push(format!("Next: {}.", next.manoeuvre));
-        }
+        text.extend(self.next.iter().map(|next| format!("Next: {}.", next.manoeuvre)));
         text
+    }
+
+    fn verdict_sentences(&self) -> Vec<String> {
+        let best = self.titled(&self.effects);
+        let (first, second) = match self.verdict {
+            Verdict::Named => (format!("The model lacks: {best}."), None),
+            Verdict::Confounded => {
+                let sets = self.confounded_with.iter().take(MOST_SETS);
+                let shown: Vec<String> = sets.map(|set| self.titled(set)).collect();
+                let more = self.confounded_with.len() - shown.len();
+                let more = if more > 0 { format!("; and {more} more sets") } else { String::new() };
+                let others = format!("It may also be: {}{more}.", shown.join("; "));
+                (
+                    format!(
+                        "The model lacks {best}, or an effect that these data cannot distinguish from it."
+                    ),
+                    (!shown.is_empty()).then_some(others),
+                )
+            }
+            Verdict::Unknown => {
+                ("Something is missing that no effect of the catalogue explains.".to_owned(), None)
+            }
+            Verdict::NothingMissing => {
+                let shown = self.candidates.iter().find_map(|row| Some((row, row.parameters.first()?)));
+                let shown = shown.map(|(row, p)| {
+                    let least = format!("{} = {:.1e}{}", p.name, p.smallest_detectable, behind(&p.unit));
+                    let title = title(&row.effect);
+                    format!("Effects of ordinary size would have shown; for example {title} from {least}.")
+                });
+                ("Nothing is missing: the model, its own parameters refitted, explains the data to the noise.".to_owned(), shown)
+            }
+            Verdict::NotEnoughInformation => {
+                let likely = self.explanations.iter().take(MOST_SETS);
+                let likely: Vec<String> =
+                    likely.map(|e| format!("{} {}", e.title(), percent(e.probability))).collect();
+                let compared = format!("Of what was compared: {}.", likely.join("; "));
+                (
+                    "These data cannot show whether an effect is missing.".to_owned(),
+                    (likely.len() > 1).then_some(compared),
+                )
+            }
+        };
+        std::iter::once(first).chain(second).collect()
     }
 }
 
