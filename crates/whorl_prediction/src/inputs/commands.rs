@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use nalgebra::Vector3;
 use whorl_dynamics::plant::MeanInputs;
 use whorl_dynamics::platform::SensorSuite;
-use whorl_dynamics::{Gyrostat, Plant, PlatformModel};
+use whorl_dynamics::{Gyrostat, Plant};
 use whorl_recording::{Recording, Series};
 
 use crate::inputs::driven_speeds::DrivenSpeeds;
@@ -165,28 +165,6 @@ impl<'a> Commands<'a> {
             *body += torque * share_s / length_s
         });
         mean
-    }
-
-    /// Inputs of the platform as named series at these times, for cross-correlation: wheel torques, and jet and external
-    /// torque about each body axis. Constant series are left out.
-    #[must_use]
-    pub fn inputs(&self, model: &PlatformModel, time_s: &[f64]) -> Vec<(String, Vec<f64>)> {
-        let of_axes = |what: &'static str| ["x", "y", "z"].map(|axis| format!("{what} torque {axis}"));
-        let wheels = model.wheels().iter().map(|wheel| format!("{} torque", wheel.name));
-        let names = wheels.chain(of_axes("jet")).chain(of_axes("outside"));
-        let mut columns: Vec<(String, Vec<f64>)> = names.map(|name| (name, Vec::new())).collect();
-        let mut before_s = time_s.first().copied().unwrap_or(0.0) - 0.01;
-        for t in time_s {
-            let drive = self.mean_between(before_s, *t);
-            before_s = *t;
-            let jets = model.jets().iter().zip(&drive.valve_fraction);
-            let jets: Vector3<f64> = jets.map(|(jet, share)| jet.torque_b_n_m() * *share).sum();
-            let wheels = drive.wheel_torque_n_m.iter().take(model.wheels().len());
-            let values = wheels.chain(&jets).chain(&drive.body_torque_b_n_m);
-            columns.iter_mut().zip(values).for_each(|((_, column), value)| column.push(*value));
-        }
-        columns.retain(|(_, column)| column.iter().any(|x| (x - column[0]).abs() > 1e-9));
-        columns
     }
 }
 
