@@ -138,3 +138,55 @@ fn correlate(
     }
     (with, gram)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// White noise of unit variance: sums of twelve numbers of a linear congruential generator (Knuth's MMIX).
+    fn noise(count: usize) -> Vec<f64> {
+        let mut state = 1_u64;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        (0..count).map(|_| (0..12).map(|_| uniform()).sum::<f64>() - 6.0).collect()
+    }
+
+    /// An oscillator about the first axis, integrated here, driven by a motion about the second whose frequency rises from 0.2 to 5 Hz.
+    #[test]
+    fn a_mode_that_the_motion_drives_is_found_at_its_frequency_and_none_in_noise() {
+        let (step_s, w, damping) = (0.02, TAU * 1.7, 0.012);
+        let wave = |k: usize, hz: f64| (TAU * hz * step_s * k as f64).sin();
+        let rising = |k: usize| {
+            let t = step_s * k as f64;
+            0.1 * (TAU * (0.2 * t + 0.02 * t * t)).sin()
+        };
+        // Motion about the others keeps the answers apart.
+        let rates: Vec<Vector3<f64>> =
+            (0..=6000).map(|k| Vector3::new(0.05 * wave(k, 0.7), rising(k), 0.05 * wave(k, 2.3))).collect();
+        let (mut position, mut speed) = (0.0, 0.0);
+        let answer: Vec<f64> = rates
+            .windows(2)
+            .map(|pair| {
+                for _ in 0..10 {
+                    let drive = (pair[1].y - pair[0].y) / step_s;
+                    speed += 0.1 * step_s * (drive - 2.0 * damping * w * speed - w * w * position);
+                    position += 0.1 * step_s * speed;
+                }
+                2.0 * speed
+            })
+            .collect();
+        let white = noise(3 * answer.len());
+        let (x, rest) = white.split_at(answer.len());
+        let (y, z) = rest.split_at(answer.len());
+        let with: Vec<f64> = answer.iter().zip(x).map(|(a, b)| a + b).collect();
+        let found = |left: &[f64]| ringing(&[Driven::new([left, y, z], &rates, step_s)], 0.15, 10.0, 5.5);
+        assert_eq!(found(x), []);
+        let all = found(&with);
+        let best = all.iter().max_by(|a, b| a.significance.total_cmp(&b.significance)).unwrap();
+        assert!((best.hz - 1.7).abs() < 0.05, "{best:?}");
+        let coupling = best.coupling[(0, 1)];
+        assert!((coupling - 2.0).abs() < 0.5 && coupling > 3.0 * best.coupling[(1, 1)].abs(), "{best:?}");
+    }
+}
