@@ -188,6 +188,7 @@ pub fn ns(seconds: f64) -> i64 {
 
 #[cfg(test)]
 mod tests {
+    use whorl_dynamics::PlatformModel;
     use whorl_recording::OnInterval;
 
     use super::*;
