@@ -197,6 +197,9 @@ pub fn adopt(
             bail!("there is no effect {unknown}; `whorl effects` lists them");
         }
         let found = whorl_explain::adopt(&runs.case(), &sets, &options(), say)?;
+        if let ([_], Some((version, error))) = (sets.as_slice(), found.left_out.first()) {
+            bail!("cannot fit {version}: {error}");
+        }
         let written = match &out {
             None => None,
             Some(out) => {

@@ -8,7 +8,7 @@ use whorl_calibration::calibrate_imu;
 use whorl_commands::history::{HEADINGS, as_json, began_s, rows, sentences, trends_as_json, write_table};
 use whorl_commands::{calibrate as calibration, model_file, options, simulate::utc_now};
 use whorl_explain::changes::of_calibration;
-use whorl_explain::trends::{DatedRun, trends as over_runs};
+use whorl_explain::trends::trends as over_runs;
 use whorl_params::ModelStep;
 
 use crate::explain::{Given, Material, material};
@@ -57,12 +57,7 @@ pub fn trends(
                 })
                 .collect::<anyhow::Result<Vec<f64>>>()?,
         };
-        let dated: Vec<DatedRun<'_>> = runs
-            .training
-            .iter()
-            .zip(&began)
-            .map(|(recording, began_s)| DatedRun { recording, began_s: *began_s })
-            .collect();
+        let dated: Vec<_> = runs.training.iter().zip(began.iter().copied()).collect();
         let since = match since {
             None => None,
             Some(place) => {

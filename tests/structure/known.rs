@@ -39,8 +39,6 @@ pub const FAR_FROM_THEIR_TYPE: &[(&str, &str)] = &[
     ("crates/whorl_orbits/src/flight.rs", "Pass"),
     ("crates/whorl_params/src/formation.rs", "ParameterTree"),
     ("crates/whorl_params/src/serialise.rs", "NodeParameters"),
-    ("crates/whorl_prediction/src/fit/ascent.rs", "Problem"),
-    ("crates/whorl_prediction/src/fit/search.rs", "Problem"),
     ("crates/whorl_recording/src/consistency.rs", "Recording"),
     ("crates/whorl_recording/src/quality.rs", "Recording"),
     ("crates/whorl_ros/src/requests.rs", "Shell"),

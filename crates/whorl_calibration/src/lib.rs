@@ -1,33 +1,26 @@
 //! Calibration of gyro and accelerometer (section 4.4).
-//!
-//! The sensor (or the platform) lies still in several orientations and is turned between them; no angles
-//! need be known. Still stretches are found in the data. Then
-//!
-//! - accelerometer: bias, scale and the angles between its axes from the length of gravity in each position, misalignment from the
-//!   faces it lay on, as exactly as the table was level;
-//! - gyro: bias from still stretches; scale, misalignment and what its axes see of each other from turns, which must carry the direction of
-//!   gravity before to that after, and by known angles about the vertical, which gravity does not show;
-//! - noise from the Allan deviation of the longest still stretch.
+//! The sensor (or the platform) lies still in several orientations and is turned between them; no angles need be known. Still stretches are
+//! found in the data. Of the accelerometer they show bias, scale and the angles between its axes by the length of gravity, and
+//! misalignment by the faces it lay on, as exactly as the table was level. Of the gyro they show the bias; scale, misalignment and what its axes
+//! see of each other are those by which turns carry the direction of gravity before to that after, and known angles about the vertical,
+//! which gravity does not show. Noise is by the Allan deviation of the longest still stretch.
 //!
 //! Errors are those of [`whorl_dynamics::platform::TriaxialErrors`], with axes that need not be at right angles:
-//! y = (1 + s) T R(m)^T x + b. Deviations grow with the misfit, which is tested ([`Misfit`]). Every number has a standard deviation, and what the data do not determine is
-//! said in a sentence.
+//! y = (1 + s) T R(m)^T x + b. Deviations grow with the misfit, which is tested ([`Misfit`]). What the data do not determine is said in a sentence.
 
-mod accelerometer;
 mod fit;
-mod gyro;
+mod sensors;
 mod still;
 #[cfg(test)]
 mod tests;
 
 use nalgebra::Vector3;
 use whorl_dynamics::platform::SensorSuite;
-use whorl_dynamics::sensing::untangled;
 use whorl_math::{allan_deviation, noise_densities};
 use whorl_recording::{Finding, Recording, usual_rate_hz};
 
 pub use fit::Misfit;
-use still::still_stretches;
+use still::{Still, still_stretches};
 
 /// Points of the Allan deviation in a decade of averaging times.
 const PER_DECADE: usize = 8;
@@ -49,12 +42,8 @@ pub struct CalibrationSettings {
 
 impl Default for CalibrationSettings {
     fn default() -> Self {
-        Self {
-            level_stddev_rad: 0.5_f64.to_radians(),
-            known_turn_rad: None,
-            turn_stddev_rad: 0.3_f64.to_radians(),
-            gravity_m_s2: None,
-        }
+        let [level_stddev_rad, turn_stddev_rad] = [0.5, 0.3].map(f64::to_radians);
+        Self { level_stddev_rad, known_turn_rad: None, turn_stddev_rad, gravity_m_s2: None }
     }
 }
 
@@ -76,7 +65,6 @@ impl Default for PerAxis {
 
 impl PerAxis {
     /// Axes that were determined.
-    #[must_use]
     pub fn determined(&self) -> [bool; 3] {
         self.stddev.map(f64::is_finite).into()
     }
@@ -109,12 +97,11 @@ pub struct SensorCalibration {
     pub misfit: Option<Misfit>,
     /// White noise of one sample.
     pub noise_stddev: PerAxis,
-    /// Noise densities from the Allan deviation: white noise, per sqrt(Hz); random walk of the bias, per sqrt(s), where it rises out of
-    /// the white noise; bias instability, the lowest deviation, where averaging longer does not help any more.
+    /// White noise, per sqrt(Hz), by the Allan deviation.
     pub noise_density: PerAxis,
-    /// See there.
+    /// Random walk of the bias, per sqrt(s), where it rises out of the white noise.
     pub bias_walk: PerAxis,
-    /// See there.
+    /// The lowest Allan deviation, where averaging longer does not help any more.
     pub bias_instability: PerAxis,
 }
 
@@ -135,32 +122,28 @@ pub struct Quantity {
 
 impl SensorCalibration {
     /// Everything that has a number per axis; `unit`: the sensor's.
-    #[must_use]
     pub fn quantities(&self, unit: &str) -> [Quantity; 8] {
-        // rad/s is _rad_s there.
+        // rad/s is _rad_s in files.
         let own = format!("_{}", unit.replace('/', "_").replace('^', ""));
-        let row = |key, name, of: &PerAxis, unit: String, ending: Option<&str>| {
-            let ending = ending.map(|ending| ending.replace("_unit", &own));
-            Quantity { key, name, unit, ending, of: *of }
+        let row = |key, name, of: &PerAxis, unit: &str, ending: Option<&str>| Quantity {
+            key,
+            name,
+            unit: unit.to_owned(),
+            ending: ending.map(|ending| ending.replace("_unit", &own)),
+            of: *of,
         };
         let skew = "skew: y of x, z of x, z of y";
-        let [per_one, rad] = ["1", "rad"].map(str::to_owned);
-        let per = |of: &str| format!("{unit}{of}");
+        let [density, walk] = ["sqrt(Hz)", "sqrt(s)"].map(|per| format!("{unit}/{per}"));
         [
-            row("bias", "bias", &self.bias, per(""), Some("_unit")),
-            row("scale", "scale", &self.scale, per_one, Some("")),
-            row("misalignment", "misalignment", &self.misalignment_rad, rad.clone(), Some("_rad")),
-            row("skew", skew, &self.skew_rad, rad, Some("_rad")),
-            row("noise_stddev", "noise of a sample", &self.noise_stddev, per(""), Some("_unit")),
-            row("noise_density", "noise density", &self.noise_density, per("/sqrt(Hz)"), None),
-            row("bias_instability", "bias instability", &self.bias_instability, per(""), None),
-            row("bias_walk", "bias random walk", &self.bias_walk, per("/sqrt(s)"), Some("_unit_sqrt_s")),
+            row("bias", "bias", &self.bias, unit, Some("_unit")),
+            row("scale", "scale", &self.scale, "1", Some("")),
+            row("misalignment", "misalignment", &self.misalignment_rad, "rad", Some("_rad")),
+            row("skew", skew, &self.skew_rad, "rad", Some("_rad")),
+            row("noise_stddev", "noise of a sample", &self.noise_stddev, unit, Some("_unit")),
+            row("noise_density", "noise density", &self.noise_density, &density, None),
+            row("bias_instability", "bias instability", &self.bias_instability, unit, None),
+            row("bias_walk", "bias random walk", &self.bias_walk, &walk, Some("_unit_sqrt_s")),
         ]
-    }
-
-    /// What a reading says of the truth, in axes at right angles that may be turned in the body.
-    fn corrected(&self, reading: &Vector3<f64>) -> Vector3<f64> {
-        straightened(&(reading - self.bias.value), &self.scale.value, &self.skew_rad.value)
     }
 
     fn take_noise_of(&mut self, samples: &[Vector3<f64>], sample_time_s: f64) {
@@ -183,11 +166,6 @@ impl SensorCalibration {
     }
 }
 
-/// A reading without bias free of scale errors and of what its axes see of each other.
-fn straightened(reading: &Vector3<f64>, scale: &Vector3<f64>, skew_rad: &Vector3<f64>) -> Vector3<f64> {
-    untangled(&reading.component_div(&scale.add_scalar(1.0)), skew_rad)
-}
-
 /// Calibration of gyro and accelerometer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImuCalibration {
@@ -205,24 +183,17 @@ pub struct ImuCalibration {
 
 impl ImuCalibration {
     /// Name, unit and calibration of both sensors.
-    #[must_use]
     pub fn sensors(&self) -> [(&'static str, &'static str, &SensorCalibration); 2] {
         [("gyro", "rad/s", &self.gyro), ("accelerometer", "m/s^2", &self.accelerometer)]
     }
 }
 
-/// Calibrates from recordings; `sensors` gives the prior assumptions (noise for the search of still
-/// stretches).
-#[must_use]
-pub fn calibrate_imu(
-    runs: &[&Recording],
-    sensors: &SensorSuite,
-    settings: &CalibrationSettings,
-) -> ImuCalibration {
-    let (mut findings, mut still) = (Vec::new(), Vec::new());
-    for (index, run) in runs.iter().enumerate() {
+/// Calibrates from recordings; the noise of `imu` is assumed where still stretches are looked for.
+pub fn calibrate_imu(runs: &[&Recording], imu: &SensorSuite, known: &CalibrationSettings) -> ImuCalibration {
+    let (mut findings, mut still) = (Vec::new(), Vec::<Still<'_>>::new());
+    for run in runs {
         if run.has_whole_gyro() && run.has_whole_accelerometer() {
-            still.extend(still_stretches(index, run, sensors));
+            still.extend(still_stretches(run, imu));
         } else {
             findings.push(Finding::fatal(format!(
                 "{}: gyro and accelerometer need all three axes: which way is up at each rest, and the turn from one to the next, \
@@ -236,14 +207,13 @@ pub fn calibrate_imu(
             "No still stretch of two seconds was found: the sensor must lie still between turns. Nothing was calibrated.".to_owned(),
         ));
     }
-    let mut accelerometer = accelerometer::calibrate(&still, settings, &mut findings);
-    let mut gyro = gyro::calibrate(runs, &still, &accelerometer, settings, &mut findings);
-    let rates = runs.iter().filter_map(|run| usual_rate_hz(&run.gyro_b_rad_s.time_s));
-    let rate_hz = rates.fold(0.0, f64::max);
-    let longest = still.iter().max_by(|a, b| a.duration_s().total_cmp(&b.duration_s()));
-    if let Some((longest, run)) = longest.and_then(|longest| Some((longest, runs.get(longest.run)?))) {
-        gyro.take_noise_of(longest.of(&run.gyro_b_rad_s), 1.0 / rate_hz);
-        accelerometer.take_noise_of(longest.of(&run.specific_force_b_m_s2), 1.0 / rate_hz);
+    let (mut gyro, mut accelerometer) = (SensorCalibration::default(), SensorCalibration::default());
+    let rate_hz = runs.iter().filter_map(|run| usual_rate_hz(&run.gyro_b_rad_s.time_s)).fold(0.0, f64::max);
+    if let Some(longest) = still.iter().max_by(|a, b| a.duration_s().total_cmp(&b.duration_s())) {
+        accelerometer = sensors::accelerometer(&still, known, &mut findings);
+        gyro = sensors::gyro(&still, &accelerometer, known, &mut findings);
+        gyro.take_noise_of(longest.gyro.samples, 1.0 / rate_hz);
+        accelerometer.take_noise_of(longest.force.samples, 1.0 / rate_hz);
         if longest.duration_s() < SHORT_S {
             findings.push(Finding::warning(format!(
                 "The longest still stretch is {:.0} s: noise was measured, bias instability and random walk need ten minutes or more.",

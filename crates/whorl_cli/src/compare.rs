@@ -126,7 +126,7 @@ fn print_errors(comparison: &Comparison) {
     let Some(first) = comparison.channels.first() else { return };
     let mut headings: Vec<String> = ["channel", "unit", "#noise"].into_iter().map(str::to_owned).collect();
     for h in &first.horizons {
-        headings.extend(h.columns().iter().take(3).map(|name| format!("#{name}")));
+        headings.extend(whorl_report::horizon_columns(h).into_iter().take(3));
     }
     let row = |channel: &whorl_validation::comparison::ChannelErrors| {
         let (unit, factor) = channel.quantity.shown_unit();

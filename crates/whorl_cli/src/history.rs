@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail};
 use whorl_commands::history::{HEADINGS, as_json, began_s, rows, sentences, trends_as_json, write_table};
 use whorl_commands::options;
-use whorl_explain::trends::{DatedRun, trends};
+use whorl_explain::trends::trends;
 use whorl_params::ModelStep;
 use whorl_recording::read_model;
 
@@ -86,12 +86,7 @@ fn over_runs(arguments: &Arguments) -> anyhow::Result<()> {
     };
     let read = progress::during("reading the runs", || runs.read())?;
     let began = arguments.sources.iter().map(|path| began_s(path)).collect::<anyhow::Result<Vec<f64>>>()?;
-    let dated: Vec<DatedRun<'_>> = read
-        .training
-        .iter()
-        .zip(&began)
-        .map(|(recording, began_s)| DatedRun { recording, began_s: *began_s })
-        .collect();
+    let dated: Vec<_> = read.training.iter().zip(began.iter().copied()).collect();
     let since = match &arguments.since {
         None => None,
         Some(run) => {

@@ -8,9 +8,9 @@ use serde_json::{Value, json};
 use whorl_commands::identify::as_json;
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, UNITS, mass_vector};
-use whorl_explain::changes::changes;
 use whorl_identification::{Determined, Finding, FittedParameter, Identification, Options, identify};
 use whorl_params::ModelStep;
+use whorl_params::changes::changes;
 use whorl_recording::{KnownPlatform, Recording};
 use whorl_reproduce::regression::{
     self, Form, Regressed, RegressionSettings, Weights, regress as regression_of,

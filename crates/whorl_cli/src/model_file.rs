@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use whorl_explain::changes::Change;
 use whorl_params::ModelStep;
+use whorl_params::changes::Change;
 use whorl_recording::KnownPlatform;
 
 /// Writes the changes into an existing file and notes them there as the next step of the model's history, with today's

@@ -3,15 +3,15 @@
 use whorl_commands::locate::as_json;
 use whorl_commands::options;
 use whorl_explain::locate;
-use whorl_validation::{Dependences, Frame, Localisation};
+use whorl_validation::{Dependences, Localisation};
 
 use crate::explain::ExplainArguments;
 use crate::output::say;
 use crate::progress;
 use crate::table::print;
 
-/// Quantities listed in the table.
-const LISTED: usize = 12;
+/// Rows of the table.
+const LISTED: usize = 14;
 
 /// Arguments of `whorl where`.
 #[derive(Debug, clap::Args)]
@@ -66,25 +66,8 @@ fn print_shares(where_: &Localisation) {
     }
 }
 
-fn print_table(d: &Dependences) {
-    let constant = |share: f64, frame: Frame| {
-        let cells = ["constant", frame.name(), &format!("{:.0}", share * 100.0), "", "", ""];
-        cells.map(str::to_owned).to_vec()
-    };
-    let mut rows = vec![constant(d.constant_body_share, d.frame)];
-    if d.frame == Frame::Body {
-        rows.push(constant(d.constant_world_share, Frame::World));
-    }
-    rows.extend(d.ranked.iter().take(LISTED).map(|d| {
-        vec![
-            d.variable.clone(),
-            d.frame.name().to_owned(),
-            format!("{:.0}", d.share * 100.0),
-            d.frame.axes().get(d.axis).copied().unwrap_or("").to_owned(),
-            format!("{:?}", d.parity).to_lowercase(),
-            format!("{:?}", d.growth).to_lowercase(),
-        ]
-    }));
-    let headings = ["quantity", "frame", "#share [%]", "axis", "symmetry", "growth"].map(str::to_owned);
-    print(&headings, &rows);
+fn print_table(found: &Dependences) {
+    let rows: Vec<Vec<String>> =
+        whorl_report::shares(found).into_iter().take(LISTED).map(|row| row.to_vec()).collect();
+    print(&whorl_report::SHARES.map(str::to_owned), &rows);
 }

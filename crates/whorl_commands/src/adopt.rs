@@ -6,8 +6,10 @@ use anyhow::{Context, bail};
 use serde_json::json;
 use whorl_dynamics::effects::registered;
 use whorl_explain::{Adoption, Version};
+use whorl_identification::Fit;
 use whorl_math::words::shell_word;
 use whorl_node::Timestamp;
+use whorl_params::changes::changes;
 use whorl_params::{EFFECTS_FOLDER, effect_files_beside, effect_yaml};
 
 use crate::model_file;
@@ -34,7 +36,9 @@ pub fn write(
     if let Some(objection) = adoption.objection().filter(|_| !anyway) {
         bail!("{objection}. Nothing was written; --anyway overrides this");
     }
-    let changes = adoption.changes(&case, provenance);
+    let fit = adoption.versions.last().and_then(|version| version.fit.as_ref());
+    let of = |fit: &Fit| changes((case.model, &fit.model), (case.prior, &fit.prior), provenance);
+    let changes = fit.map(of).unwrap_or_default();
     if changes.is_empty() {
         bail!("the fit changed nothing, so nothing was written");
     }

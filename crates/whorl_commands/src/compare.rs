@@ -1,11 +1,8 @@
 //! Answers of `compare` as data.
 
-use std::collections::BTreeMap;
-
 use anyhow::bail;
 use serde_json::json;
-use whorl_explain::adopt::versions;
-use whorl_explain::{Adoption, Case, ComparedRun, ProgressCallback, prediction_error};
+use whorl_explain::{Adoption, Case, ComparedRun, ProgressCallback, adopt, prediction_error};
 use whorl_validation::comparison::PREDICTION_RULE;
 
 use crate::options;
@@ -21,7 +18,7 @@ pub fn refitted(
     case: &Case<'_>,
     say: &mut ProgressCallback<'_>,
 ) -> anyhow::Result<(Vec<ComparedRun>, Vec<ComparedRun>)> {
-    let Adoption { versions, left_out } = versions(case, &[], &BTreeMap::new(), &options(), say)?;
+    let Adoption { versions, left_out } = adopt(case, &[], &options(), say)?;
     let mut versions = versions.into_iter();
     match (versions.next(), versions.next(), left_out.first()) {
         (Some(given), Some(refitted), _) => Ok((given.runs, refitted.runs)),

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use sha2::{Digest, Sha256};
-use whorl_explain::changes::{Change, of_step};
 use whorl_node::Timestamp;
+use whorl_params::changes::{Change, of_step};
 use whorl_params::{ModelStep, set_in_text};
 use whorl_recording::{KnownPlatform, read_model};
 
@@ -129,7 +129,7 @@ mod tests {
 
     use nalgebra::Vector3;
     use whorl_dynamics::MassProperties;
-    use whorl_explain::changes::changes;
+    use whorl_params::changes::changes;
 
     use super::*;
 

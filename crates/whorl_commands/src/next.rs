@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use whorl_explain::propose::leading_explanation;
 use whorl_explain::{ProgressCallback, Proposal, propose};
 use whorl_identification::{Diagnosis, NextManoeuvre, Options, Verdict};
 use whorl_recording::KnownPlatform;
@@ -47,7 +46,7 @@ pub fn proposal(
     say: &mut ProgressCallback<'_>,
 ) -> anyhow::Result<Proposal> {
     let (case, known) = (runs.case(), &runs.known);
-    let truth = leading_explanation(&case, diagnosis);
+    let truth = diagnosis.fits.get(&diagnosis.effects).map_or(case.model, |fit| &fit.model);
     let stage = Stage::new(known, &own_text(known)?, common, truth)?;
     let rehearse = |name: &str, yaml: &str| {
         stage.rehearse(name, yaml, &known.model).map_err(|error| crate::in_words(&error))

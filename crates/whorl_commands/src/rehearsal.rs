@@ -8,8 +8,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::Context;
 use whorl_dynamics::PlatformModel;
-use whorl_explain::changes::changes;
 use whorl_params::Value;
+use whorl_params::changes::changes;
 use whorl_recording::{KnownPlatform, ReadOptions, Recording, read_run_with};
 
 use crate::simulate;

@@ -20,10 +20,10 @@ pub fn as_yaml(settings: &Settings) -> String {
     // Writing to a String cannot fail.
     let mut text = format!("{SECTION}:\n");
     for setting in settings.listed() {
-        for line in wrapped(&format!("{} Allowed: {}.", setting.doc, setting.allowed)) {
+        for line in wrapped(&setting.doc) {
             let _ = writeln!(text, "  # {line}");
         }
-        let _ = writeln!(text, "  {}: {:?}", setting.name, setting.value);
+        let _ = writeln!(text, "  {}: {}", setting.name, setting.value);
     }
     let _ = writeln!(
         text,

@@ -15,6 +15,7 @@ use anyhow::Context;
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_explain::{Case, adopt, compare, diagnose, locate, prediction_error};
 use whorl_identification::Options;
+use whorl_params::changes::changes;
 use whorl_recording::{Recording, read_model, read_run};
 
 fn main() -> anyhow::Result<()> {
@@ -45,7 +46,9 @@ fn main() -> anyhow::Result<()> {
     match adoption.objection() {
         Some(objection) => println!("not to be adopted: {objection}"),
         None => {
-            for change in adoption.changes(&case, "this example") {
+            let fit = adoption.versions.last().and_then(|version| version.fit.as_ref()).context("no fit")?;
+            let (models, priors) = ((case.model, &fit.model), (case.prior, &fit.prior));
+            for change in changes(models, priors, "this example") {
                 println!("  {}: {:?}  # {}", change.key, change.value, change.comment);
             }
         }

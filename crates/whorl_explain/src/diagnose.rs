@@ -1,23 +1,22 @@
-//! Which physical effect a model lacks.
+//! Which physical effect a model lacks, and in which regime it fails.
 
-use whorl_identification::{Diagnosis, Fit, Options, Progress, Verdict, usable_readings};
-use whorl_recording::Mounting;
-use whorl_validation::{SMALL_ERROR, UnexplainedTorques, unexplained_torques};
+use rayon::prelude::*;
+use whorl_dynamics::PlatformModel;
+use whorl_identification::{Diagnosis, Options, Progress, fit, usable_readings};
+use whorl_recording::Recording;
+use whorl_validation::{Localisation, UnexplainedTorques, explain_where, unexplained_torques};
 
-use crate::adopt::{Adoption, Version, implausible, prediction_errors, versions};
-use crate::locate::MOST_STDDEVS;
-use crate::{Case, ExplainError, ProgressCallback, part};
+use crate::adopt::{Adoption, prediction_errors, versions};
+use crate::{Case, ExplainError, ProgressCallback, Version};
 
 /// A verdict with the numbers behind it.
 #[derive(Debug, Clone)]
 pub struct Explanation {
     /// The verdict.
     pub diagnosis: Diagnosis,
-    /// The model as given, with its own parameters refitted, and with the named effects, each compared with
-    /// all runs by [`crate::compare`]. Versions that could not be fitted are left out.
+    /// The model as given, refitted, and with the named effects, each compared with all runs ([`crate::compare`]), as far as it could be fitted.
     pub versions: Vec<Version>,
-    /// Unexplained torque of the first run, without and with the named effects; empty for a clamped one. The platform's own parameters
-    /// are refitted in both cases, unless they would have to move implausibly far.
+    /// Unexplained torque of the first run, without and with the named effects. The platform's own parameters are refitted in both.
     pub torques: Vec<UnexplainedTorques>,
 }
 
@@ -31,76 +30,78 @@ pub fn diagnose(
     say: &mut ProgressCallback<'_>,
 ) -> Result<Explanation, ExplainError> {
     let Case { training, held_out, model, prior } = *case;
-    say(0.0, "comparing what the sensors' low-pass may be");
-    let delaying = whorl_identification::with_low_passes_that_delay(training, model, prior, options)?;
-    let options = &Options { delaying: Some(delaying), ..options.clone() };
-    let mut progress = |p: Progress| say(0.1 + 0.6 * p.share, p.doing);
+    let mut progress = |p: Progress| say(0.7 * p.share, p.doing);
     let diagnosis = whorl_identification::diagnose(training, held_out, model, prior, options, &mut progress)?;
+    let options = &Options { delaying: diagnosis.delaying.clone(), ..options.clone() };
     let named = diagnosis.effects.clone();
     let sets = if named.is_empty() { &[][..] } else { std::slice::from_ref(&named) };
-    let Adoption { versions, .. } = versions(case, sets, &diagnosis.fits, options, &mut part(say, 0.7, 1.0))?;
+    let mut rest = |share: f64, doing: &str| say(0.7 + 0.3 * share, doing);
+    let Adoption { versions, .. } = versions(case, sets, &diagnosis.fits, options, &mut rest)?;
     let best = versions.iter().rfind(|version| named.is_empty() || !version.effects.is_empty());
     let left = |held_out: bool| best.and_then(|version| version.prediction_error(held_out));
     let diagnosis = diagnosis.held_against(left(false), left(true), &options.settings);
-    let torques = unexplained(case, &versions);
-    Ok(Explanation { diagnosis, versions, torques })
+    Ok(Explanation { torques: unexplained(case, &versions), diagnosis, versions })
 }
 
 fn unexplained(case: &Case<'_>, versions: &[Version]) -> Vec<UnexplainedTorques> {
-    let free = case.training.first().filter(|run| run.mounting != Mounting::Clamped);
-    let Some(recording) = free.filter(|_| case.model.freedom.turns()) else { return Vec::new() };
+    let Some(recording) = case.training.first() else { return Vec::new() };
     let torques = |version: &Version| {
         let model = version.fit.as_ref().map_or(case.model, |fit| &fit.model);
         let known = version.runs.first().map(|run| &run.comparison.followed);
         unexplained_torques(&usable_readings(recording, case.model).0, model, known).ok()
     };
-    // Parameters moved implausibly far would hide or imitate the missing effect.
-    let is_plausible = |fit: &Fit| implausible(fit, MOST_STDDEVS, |_| true).is_none();
-    let is_before = |v: &&Version| v.effects.is_empty() && v.fit.as_ref().is_none_or(is_plausible);
-    let before = versions.iter().rfind(is_before);
+    let before = versions.iter().rfind(|version| version.effects.is_empty());
     let after = versions.iter().find(|version| !version.effects.is_empty());
     before.into_iter().chain(after).map_while(torques).collect()
 }
 
 impl Explanation {
     /// The verdict in a few sentences, most important first, with the prediction error of each version.
-    #[must_use]
     pub fn answer(&self) -> Vec<String> {
-        let mut answer = self.diagnosis.answer();
-        answer.extend(prediction_errors(&self.versions));
-        let base = self.versions.iter().rfind(|version| version.effects.is_empty());
-        let lacks =
-            !matches!(self.diagnosis.verdict, Verdict::NothingMissing | Verdict::NotEnoughInformation);
-        answer.extend(base.filter(|_| lacks).and_then(|base| {
-            said_of_size(base.prediction_error(true).or_else(|| base.prediction_error(false))?, &base.name)
-        }));
-        answer
+        self.diagnosis.answer().into_iter().chain(prediction_errors(&self.versions)).collect()
     }
 }
 
-/// That what is missing is small, if it is: that something is missing, and how much it matters, are two statements. `error`: of
-/// predictions without it, over noise.
-fn said_of_size(error: f64, name: &str) -> Option<String> {
-    (error <= 1.0 + SMALL_ERROR).then(|| {
-        let percent = (100.0 * (error - 1.0)).ceil().max(1.0);
-        format!(
-            "What is missing is significant, and small: {name}, the model predicts within {percent} % of what noise allows."
-        )
-    })
+/// Where a model fails.
+#[derive(Debug, Clone)]
+pub struct Located {
+    /// All runs together.
+    pub pooled: Localisation,
+    /// Each run by itself, training runs first; empty where there is only one.
+    pub runs: Vec<Localisation>,
+    /// The unexplained torques themselves, run by run, for plots.
+    pub torques: Vec<UnexplainedTorques>,
+    /// The model that leaves them: the platform's own parameters refitted to the training runs.
+    pub model: PlatformModel,
+    /// Why the platform's own parameters were not refitted, if so; then the model is the given one.
+    pub not_refitted: Option<String>,
 }
 
-#[cfg(test)]
-mod tests {
-    use super::said_of_size;
-
-    #[test]
-    fn how_much_is_missing_is_told_apart_from_whether_something_is() {
-        let said = said_of_size(1.013, "base refitted").unwrap();
-        assert_eq!(
-            said,
-            "What is missing is significant, and small: base refitted, the model predicts within 2 % of what noise allows."
-        );
-        assert!(said_of_size(0.99, "base refitted").unwrap().contains("within 1 %"));
-        assert_eq!(said_of_size(1.15, "base refitted"), None, "large");
-    }
+/// Finds the recorded quantities on which the unexplained torque depends, of all runs together and of each by itself. First the platform's own
+/// parameters are refitted to the training runs: the error of a wrong inertia is no missing torque. What is missing is noise to this fit.
+///
+/// # Errors
+/// When a run cannot be followed: too short, without a gyro, or on a bench without wheel speeds.
+pub fn locate(
+    case: &Case<'_>,
+    options: &Options,
+    say: &mut ProgressCallback<'_>,
+) -> Result<Located, ExplainError> {
+    say(0.0, "fitting the platform's own parameters");
+    let (model, known, not_refitted) = match fit(case.training, case.model, case.prior, &[], options) {
+        Ok(fit) => (fit.model, fit.followed, None),
+        Err(error) => (case.model.clone(), Vec::new(), Some(error.to_string())),
+    };
+    say(0.5, "following the runs");
+    let all: Vec<&Recording> = case.training.iter().chain(case.held_out).collect();
+    let used: Vec<_> = all.iter().map(|run| usable_readings(run, case.model).0).collect();
+    let torques_of = |(i, run)| unexplained_torques(run, &model, known.get(i));
+    let torques: Vec<_> = used.par_iter().map(AsRef::as_ref).enumerate().map(torques_of).collect();
+    let torques: Vec<UnexplainedTorques> = torques.into_iter().collect::<Result<_, _>>()?;
+    say(0.9, "analysing the runs");
+    let with_torques: Vec<(&Recording, _)> = used.iter().map(AsRef::as_ref).zip(&torques).collect();
+    let pooled = explain_where(&with_torques, &model);
+    let each = with_torques.iter().filter(|_| all.len() > 1);
+    let runs = each.map(|run| explain_where(&[*run], &model)).collect();
+    Ok(Located { pooled, runs, torques, model, not_refitted })
 }

@@ -1,6 +1,4 @@
-//! Explains data: functions with typed results.
-//!
-//! A [`Case`] is the input of all but the last: runs of one platform, its model, and the model's prior.
+//! Explains data: functions of a [`Case`] (runs of one platform, its model, and the model's prior) with typed results.
 //!
 //! | question | function | answer |
 //! |---|---|---|
@@ -11,29 +9,23 @@
 //! | how much does an effect improve the model? | [`adopt()`] | [`Adoption`] |
 //! | what changed from run to run? | [`trends::trends`] | [`trends::Trends`] |
 //!
-//! Nothing here reads or writes files or prints. The `whorl` command, the pages and other programs call the same
-//! functions, so a number with the same name is the same statistic everywhere. All of them report the
-//! [`prediction_error`].
+//! Nothing here reads or writes files or prints. A number with the same name is the same statistic everywhere: all report the [`prediction_error`].
 
 pub mod adopt;
 pub mod changes;
-mod compare;
 mod diagnose;
-mod error;
-mod locate;
 pub mod propose;
 #[cfg(test)]
 mod tests;
 pub mod trends;
 
 use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_identification::DiagnosisError;
+use whorl_prediction::PredictionError;
 use whorl_recording::Recording;
 
-pub use adopt::{Adoption, Version, adopt};
-pub use compare::{ComparedRun, compare, prediction_error};
-pub use diagnose::{Explanation, diagnose};
-pub use error::ExplainError;
-pub use locate::{Located, locate};
+pub use adopt::{Adoption, ComparedRun, Version, adopt, compare, prediction_error};
+pub use diagnose::{Explanation, Located, diagnose, locate};
 pub use propose::{Proposal, propose};
 
 /// Runs of one platform with its model.
@@ -52,7 +44,16 @@ pub struct Case<'a> {
 /// Receives the progress (0 to 1) and the current step of a long computation.
 pub type ProgressCallback<'a> = dyn FnMut(f64, &str) + 'a;
 
-/// Progress of a part of a computation, mapped to `from` to `to` of the whole.
-fn part<'a>(say: &'a mut ProgressCallback<'_>, from: f64, to: f64) -> impl FnMut(f64, &str) + 'a {
-    move |share, doing| say(from + (to - from) * share, doing)
+/// Why data cannot be explained, and what would help.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ExplainError {
+    /// A recording cannot be compared with the model.
+    #[error(transparent)]
+    Prediction(#[from] PredictionError),
+    /// The recordings cannot be diagnosed.
+    #[error(transparent)]
+    Diagnosis(#[from] DiagnosisError),
+    /// Too few runs, a version that cannot be fitted, no manoeuvre that is possible.
+    #[error("{0}")]
+    Refused(String),
 }

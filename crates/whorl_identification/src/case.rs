@@ -2,7 +2,7 @@
 
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_prediction::{Needs, check, longest_cell_s};
-use whorl_recording::Recording;
+use whorl_recording::{Recording, Series};
 
 use crate::fitting::low_pass;
 use crate::parameter_space::Reference;
@@ -21,10 +21,8 @@ pub(crate) struct Case {
     pub held_out: Vec<Recording>,
     pub reference: Reference,
     pub available: Available,
-    /// What was left out of them, in sentences.
-    left_out: Vec<String>,
-    /// The model as given.
-    stated: PlatformModel,
+    /// What was left out of the recordings, and which low-passes do not delay as the model says, in sentences.
+    pub remarks: Vec<String>,
     threads: usize,
 }
 
@@ -42,35 +40,18 @@ impl Case {
             [training, held_out].map(|runs| usable(runs, model));
         let (prior, settings) = (prior.clone(), options.settings);
         let mut reference = Reference { model: model.clone(), prior, settings };
-        let is_blind = training.iter().any(|run| is_blind(run, model));
         if let Some(known) = &options.delaying {
             reference.model = known.clone();
-        } else if !is_blind {
-            let threads = options.threads;
-            let found =
-                low_pass::without_those_that_do_not_delay(&reference, &available, &training, threads)?;
-            reference.model = found.unwrap_or(reference.model);
+        } else if !training.iter().any(|run| is_blind(run, model)) {
+            low_pass::take_those_that_delay(&mut reference, &available, &training, options.threads)?;
         }
         // As much is taken in together as all recordings allow.
         for recordings in [&training, &held_out] {
             let prediction = &mut reference.settings.prediction;
             prediction.cell_s = longest_cell_s(recordings, &reference.model, prediction)?;
         }
-        Ok(Self {
-            training,
-            held_out,
-            reference,
-            available,
-            left_out: [left_out, of_held_out].concat(),
-            stated: model.clone(),
-            threads: options.threads,
-        })
-    }
-
-    /// What was left out of the recordings, and which low-passes do not delay as the model says.
-    pub fn remarks(&self) -> Vec<String> {
-        let of_low_passes = low_pass::remarks(&self.stated, &self.reference.model);
-        self.left_out.iter().cloned().chain(of_low_passes).collect()
+        let remarks = [left_out, of_held_out, low_pass::remarks(model, &reference.model)].concat();
+        Ok(Self { training, held_out, reference, available, remarks, threads: options.threads })
     }
 
     pub fn runs(&self) -> Runs<'_> {
@@ -83,6 +64,26 @@ impl Case {
             each_reading: false,
         }
     }
+}
+
+/// What was measured of a run from one time to before another, with everything that was commanded; of wheels the command that holds at the
+/// start, so that nothing has to be known of the motion before.
+pub(crate) fn stretch(run: &Recording, from_s: f64, to_s: f64) -> Recording {
+    fn cut<T: Clone>(series: &Series<T>, from_s: f64, to_s: f64) -> Series<T> {
+        let pairs = series.time_s.iter().copied().zip(series.value.iter().cloned());
+        pairs.filter(|(t, _)| (from_s..to_s).contains(t)).collect()
+    }
+    let commands = &run.wheel_torque_command_n_m;
+    let held_s = commands.time_s.iter().rfind(|t| **t <= from_s).copied().unwrap_or(from_s);
+    let mut part = Recording {
+        gyro_b_rad_s: cut(&run.gyro_b_rad_s, from_s, to_s),
+        specific_force_b_m_s2: cut(&run.specific_force_b_m_s2, from_s, to_s),
+        wheel_speed_rad_s: cut(&run.wheel_speed_rad_s, from_s, to_s),
+        wheel_torque_command_n_m: cut(commands, held_s, f64::INFINITY),
+        ..run.clone()
+    };
+    part.vectors.iter_mut().for_each(|of| of.direction_b = cut(&of.direction_b, from_s, to_s));
+    part
 }
 
 /// Neither attitude nor momentum can be known: wheels turn, and the gyro is the only sensor.

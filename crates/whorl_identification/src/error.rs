@@ -1,8 +1,10 @@
 //! Why recordings cannot be diagnosed.
 
 use thiserror::Error;
+use whorl_dynamics::effects::RegisterError;
+use whorl_dynamics::effects::written::DefinitionError;
 use whorl_dynamics::{EffectError, GyrostatError};
-use whorl_prediction::Refusal;
+use whorl_prediction::{PredictionError, Refusal};
 
 /// Why recordings cannot be diagnosed, with advice.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -21,18 +23,12 @@ pub enum DiagnosisError {
         /// What does not fit.
         what: String,
     },
-    /// Not in the catalogue.
-    #[error("there is no effect \"{id}\"; `whorl effects` lists them")]
-    UnknownEffect {
-        /// The name given.
-        id: String,
-    },
+    /// An id that is not in the catalogue.
+    #[error("there is no effect \"{0}\"; `whorl effects` lists them")]
+    UnknownEffect(String),
     /// The data demand the wrong sign of the effect, or contain no information about it.
-    #[error("{id} explains nothing in these recordings: its estimate is zero, or its channels are missing")]
-    NoEffect {
-        /// The effect.
-        id: String,
-    },
+    #[error("{0} explains nothing in these recordings: its estimate is zero, or its channels are missing")]
+    NoEffect(String),
     /// The model is not physical.
     #[error(transparent)]
     Model(#[from] GyrostatError),
@@ -41,15 +37,19 @@ pub enum DiagnosisError {
     Effect(#[from] EffectError),
     /// A recording cannot be predicted.
     #[error(transparent)]
-    Prediction(#[from] whorl_prediction::PredictionError),
-    /// A recording cannot be compared with the model.
+    Prediction(#[from] PredictionError),
+    /// A law that a search made is no equation.
+    #[error("a term of the search is wrong: {0}")]
+    Term(#[from] DefinitionError),
+    /// An effect of the catalogue has the id of a law that was found.
     #[error(transparent)]
-    Comparison(#[from] whorl_validation::ValidationError),
+    Taken(#[from] RegisterError),
 }
 
+pub(crate) type Outcome<T> = Result<T, DiagnosisError>;
+
 impl DiagnosisError {
-    /// What came of a trial; `None` where no platform can be as it was tried, or none that moves so: that ends the trial, not the
-    /// diagnosis.
+    /// What came of a trial; `None` where no platform can be as it was tried, or none that moves so: that ends the trial, not the diagnosis.
     pub(crate) fn possible<T>(result: Result<T, Self>) -> Result<Option<T>, Self> {
         match result {
             Ok(found) => Ok(Some(found)),

@@ -15,7 +15,7 @@
 //! scalars with the optimal gain, has its own loop over rows.
 
 use nalgebra::allocator::Allocator;
-use nalgebra::{DefaultAllocator, Dim, OMatrix, OVector, SMatrix, SVector};
+use nalgebra::{DMatrix, DefaultAllocator, Dim, OMatrix, OVector, SMatrix, SVector};
 
 /// `P <- F P F^T + Q`: transition `F` of the error over a step and covariance `Q` that the step adds.
 pub fn propagate<const N: usize>(p: &mut SMatrix<f64, N, N>, f: &SMatrix<f64, N, N>, q: &SMatrix<f64, N, N>) {
@@ -95,6 +95,52 @@ where
             p[(row, column)] = mean;
             p[(column, row)] = mean;
         }
+    }
+}
+
+/// Share of a variance below which a direction counts as certain: rounding of a covariance.
+const CERTAIN: f64 = 1e-14;
+
+/// A covariance with this share of the information that data add to what was known before: `own` is what both say together.
+/// Directions of which nothing was uncertain stay certain.
+#[must_use]
+pub fn narrowed(before: &DMatrix<f64>, own: &DMatrix<f64>, share: f64) -> DMatrix<f64> {
+    let known = Whitened::by(before);
+    // own = B M B^T with M <= 1.
+    let said = known.units(own).symmetric_eigen();
+    let kept = said.eigenvalues.map(|mu| 1.0 / (1.0 + share * (1.0 / mu.clamp(CERTAIN, 1.0) - 1.0)));
+    let turned = known.basis * said.eigenvectors;
+    &turned * DMatrix::from_diagonal(&kept) * turned.transpose()
+}
+
+/// Coordinates in which a covariance is a unit matrix, P = B B^T, without directions of which nothing is uncertain.
+pub struct Whitened {
+    /// B: uncertain directions by columns.
+    pub basis: DMatrix<f64>,
+    /// The change of each of those coordinates with the others.
+    pub back: DMatrix<f64>,
+}
+
+impl Whitened {
+    /// Of a covariance in any units.
+    #[must_use]
+    pub fn by(before: &DMatrix<f64>) -> Self {
+        let n = before.nrows();
+        let scale = before.diagonal().map(|p| p.max(0.0).sqrt());
+        let unit = |i: usize| if scale[i] > 0.0 { 1.0 / scale[i] } else { 0.0 };
+        let shape = DMatrix::from_fn(n, n, |i, j| before[(i, j)] * unit(i) * unit(j)).symmetric_eigen();
+        let kept: Vec<usize> = (0..n).filter(|k| shape.eigenvalues[*k] > CERTAIN).collect();
+        let root = |k: usize| shape.eigenvalues[kept[k]].sqrt();
+        let along = |i: usize, k: usize| shape.eigenvectors[(i, kept[k])];
+        let basis = DMatrix::from_fn(n, kept.len(), |i, k| scale[i] * along(i, k) * root(k));
+        let back = DMatrix::from_fn(kept.len(), n, |k, i| unit(i) * along(i, k) / root(k));
+        Self { basis, back }
+    }
+
+    /// Another covariance in these coordinates.
+    #[must_use]
+    pub fn units(&self, covariance: &DMatrix<f64>) -> DMatrix<f64> {
+        &self.back * covariance * self.back.transpose()
     }
 }
 

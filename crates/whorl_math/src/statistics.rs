@@ -58,6 +58,30 @@ pub fn normal_quantile(probability: f64) -> f64 {
     if (0.0..=1.0).contains(&probability) { Normal::standard().inverse_cdf(probability) } else { f64::NAN }
 }
 
+/// Autocorrelations about the mean at lags 0, 1 and so on; `None` for values that do not vary.
+#[must_use]
+pub fn autocorrelations(values: &[f64]) -> Option<impl Iterator<Item = f64>> {
+    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let centred: Vec<f64> = values.iter().map(|x| x - mean).collect();
+    let power: f64 = centred.iter().map(|x| x * x).sum();
+    let at = move |k: usize| centred.iter().zip(&centred[k..]).map(|(a, b)| a * b).sum::<f64>() / power;
+    (power > 0.0 && power.is_finite()).then(|| (0..values.len()).map(at))
+}
+
+/// Whether the first autocorrelations of values are zero: Q = n (n + 2) sum r_k^2 / (n - k), chi-squared with as many degrees of freedom as
+/// lags if they are white, and the probability of a Q this large if so (G. Ljung and G. Box, On a measure of lack of fit in time series
+/// models, Biometrika 65 (1978) 297). `None` for fewer than twice as many values as lags, or values that do not vary.
+#[must_use]
+pub fn ljung_box(values: &[f64], lags: u32) -> Option<(f64, f64)> {
+    let n = values.len() as f64;
+    if lags == 0 || values.len() < 2 * lags as usize {
+        return None;
+    }
+    let r = autocorrelations(values)?.take(lags as usize + 1).enumerate().skip(1);
+    let statistic = n * (n + 2.0) * r.map(|(k, r)| r * r / (n - k as f64)).sum::<f64>();
+    Some((statistic, (1.0 - chi_squared_probability(statistic, lags)).clamp(0.0, 1.0)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,22 +1,9 @@
 //! What a monitor is told beside the platform's model, and what it says.
 
-use nalgebra::Vector3;
-use thiserror::Error;
-use whorl_dynamics::{PlantError, PlatformModel};
+use whorl_dynamics::PlatformModel;
+use whorl_recording::Component;
 
-/// Why a platform cannot be watched.
-#[derive(Debug, Error)]
-pub enum MonitorError {
-    /// Its model cannot be simulated.
-    #[error(transparent)]
-    Plant(#[from] PlantError),
-    /// It has motors of this kind, whose states the monitor does not follow.
-    #[error("the model has motors of another kind ({0}): only wheels and jets are watched")]
-    OtherActuators(String),
-}
-
-/// Angular acceleration of a background torque that nobody would miss in a model [rad/s^2]: a tenth of the 5 mN m that a
-/// disturbance usually has on a platform of 8.6 kg m^2.
+/// Angular acceleration of a background torque that nobody would miss in a model [rad/s^2]: a tenth of a usual disturbance's, 5 mN m at 8.6 kg m^2.
 const BACKGROUND_RAD_S2: f64 = 5.8e-5;
 /// A break of the model is looked for from every multiple of this on \[s\].
 pub(crate) const START_EVERY_S: f64 = 30.0;
@@ -32,27 +19,23 @@ pub struct Settings {
 
 impl Settings {
     /// Those of a platform.
-    #[must_use]
     pub fn of(model: &PlatformModel) -> Self {
         let inertia_kg_m2 = model.mass_properties.inertia_b_kg_m2().trace() / 3.0;
         Self { false_alarms_per_h: 0.1, background_torque_n_m: BACKGROUND_RAD_S2 * inertia_kg_m2 }
     }
 
-    /// The evidence that is an alarm \[nats\].
-    ///
-    /// The sum of likelihood ratios over all starts, less the number of starts, is a martingale while the model is right.
-    /// So the mean number of starts before the sum reaches c is at least c (Shiryaev 1963, Roberts 1966; for composite
-    /// hypotheses Shin, Ramdas and Rinaldo 2023, theorem 2.4).
-    #[must_use]
+    /// The evidence that is an alarm \[nats\]. The sum of likelihood ratios over all starts less their number is a martingale while the model is right:
+    /// it reaches c after c starts or more in the mean (Shiryaev 1963, Roberts 1966; composite hypotheses: Shin, Ramdas and Rinaldo 2023, theorem 2.4).
     pub fn limit_nats(&self) -> f64 {
         (3600.0 / START_EVERY_S / self.false_alarms_per_h).max(1.0).ln()
     }
 }
 
 /// What the monitor says.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum State {
     /// Not enough to say anything yet, or nobody moves the platform.
+    #[default]
     Waiting,
     /// The platform moves as its model says.
     Agrees,
@@ -62,43 +45,28 @@ pub enum State {
     Mismatch,
 }
 
-/// The effect that explains the mismatch best.
+/// The effect that explains a mismatch best.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Likeliest {
     /// Id in the catalogue, or `unknown_torque`.
     pub effect: String,
     /// Its probability among single effects that begin within memory.
     pub probability: f64,
-    /// Parameters of the likeliest way in which it enters.
-    pub parameters: Vec<Parameter>,
+    /// Parameters of the likeliest way in which it enters: name, value and standard deviation, and unit, "1" for none.
+    pub parameters: Vec<(String, [f64; 2], &'static str)>,
     /// It had begun by \[ns\].
     pub since_ns: i64,
 }
 
-/// One parameter and what it has become.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Parameter {
-    /// Its name.
-    pub name: String,
-    /// Value, in its unit.
-    pub estimate: f64,
-    /// Standard deviation.
-    pub stddev: f64,
-    /// Unit, "1" for none.
-    pub unit: &'static str,
-}
-
 /// How well the model fits.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Fit {
     /// End of the newest cell \[ns\]; `None` before the first.
     pub stamp_ns: Option<i64>,
     /// What the monitor says.
     pub state: State,
-    /// Whitened residual of the newest cell: gyro; NaN where nothing was read.
-    pub gyro: Vector3<f64>,
-    /// The same of each wheel's speed.
-    pub wheel_speed: Vec<f64>,
+    /// Whitened residuals of the newest cell: of gyro and wheel speeds, as far as they were read.
+    pub whitened: Vec<(Component, f64)>,
     /// Sum of squares of the whitened residuals since the last fit, and their number.
     pub squares: (f64, u32),
     /// ln of the running evidence against the model \[nats\].

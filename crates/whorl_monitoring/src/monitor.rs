@@ -1,86 +1,70 @@
 //! Messages in, how well the model fits out.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use whorl_dynamics::actuators::Kind;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_dynamics::platform::TiltLimit;
-use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_dynamics::{ModelPrior, PlantError, PlatformModel};
+use whorl_math::{elevation_x_rad, tilt_rad};
 
 use crate::Settings;
 use crate::cell::{CELL_S, Driven, Input, Inputs, ns};
-use crate::fit::{Fit, MonitorError, State};
+use crate::fit::Fit;
 use crate::sources::{Source, Sources};
 use crate::watch::Watch;
 
-/// A cell is compared when all that comes regularly is known until this long after its end \[s\]: what comes seldom has
-/// arrived by then.
+/// A cell is compared when all that comes regularly is known until this long after its end \[s\], and what comes seldom has come.
 const SETTLED_S: f64 = 0.05;
 /// From the tilt stop the platform is watched at this distance only \[rad\]: what happens there is the stop's.
 const FROM_STOP_RAD: f64 = 0.005;
-/// Data that wait at most; more is lost.
-const MOST_WAITING: usize = 4096;
 /// Sums of on-times are rounded to this \[s\].
 const ROUNDED_S: f64 = 1e-6;
 /// Below so many standard deviations of its pressure sensor a tank may end before the next reading.
 const LOW_STDDEVS: f64 = 6.0;
 
-/// The monitor of one platform.
+/// The monitor of one platform, of whose motors only wheels and jets are watched.
 pub struct Monitor {
     model: PlatformModel,
     pub(crate) watch: Watch,
     /// `None`: the motion is not known.
     driven: Option<Driven>,
     inputs: Inputs,
-    pressure_pa: Option<f64>,
     sources: Sources,
+    pressure_pa: Option<f64>,
     /// What was heard last of wheels, speeds [rad/s] and torques [N m], and of valves, which are open and on-times in all \[s\].
     wheels: Option<([f64; MAX_WHEELS], [f64; MAX_WHEELS])>,
     valves: Option<(Vec<bool>, Vec<f64>)>,
-    hole: Option<String>,
-    holes: u64,
 }
 
 impl Monitor {
     /// A monitor of a platform before its first data.
     ///
     /// # Errors
-    /// See [`MonitorError`].
-    pub fn new(model: &PlatformModel, prior: &ModelPrior, settings: &Settings) -> Result<Self, MonitorError> {
-        for (kind, range) in Kind::ALL.into_iter().zip(model.actuators.motor_ranges()) {
-            if kind != Kind::Wheels && !range.is_empty() {
-                return Err(MonitorError::OtherActuators(format!("{kind:?}")));
-            }
-        }
+    /// A model that cannot be simulated.
+    pub fn new(model: &PlatformModel, prior: &ModelPrior, settings: &Settings) -> Result<Self, PlantError> {
         Ok(Self {
             watch: Watch::new(model, prior, settings)?,
             model: model.clone(),
             driven: None,
             inputs: Inputs::new(),
-            pressure_pa: None,
             sources: Sources::new(!model.wheels().is_empty(), !model.jets().is_empty()),
+            pressure_pa: None,
             wheels: None,
             valves: None,
-            hole: None,
-            holes: 0,
         })
     }
 
     fn push(&mut self, at_ns: i64, input: Input) {
-        if self.inputs.len() >= MOST_WAITING {
-            self.lose("data came faster than they could be compared".to_owned());
-        }
         // Data come nearly in order. What belongs to a cell that has been compared cannot be put right.
         if self.driven.as_ref().is_some_and(|driven| at_ns < driven.plant.now_ns()) {
-            return self.lose("data came too late".to_owned());
+            return self.lose("data came too late");
         }
-        let place = self.inputs.iter().rposition(|(before, _)| *before <= at_ns).map_or(0, |k| k + 1);
-        self.inputs.insert(place, (at_ns, input));
+        self.inputs.push((at_ns, input));
     }
 
     /// A message of a source; the time since the one before, if nothing is missing between them \[s\].
     fn heard(&mut self, source: Source, stamp_ns: i64) -> Option<f64> {
         self.sources.heard(source, stamp_ns).unwrap_or_else(|hole| {
-            self.lose(hole);
+            self.lose(&hole);
             // The first after the hole.
             self.sources.heard(source, stamp_ns).unwrap_or_default()
         })
@@ -90,19 +74,13 @@ impl Monitor {
     pub fn on_gyro(&mut self, stamp_ns: i64, rate_b_rad_s: &Vector3<f64>) {
         self.heard(Source::Gyro, stamp_ns);
         // The instant that it shows.
-        let latency_ns = ns(self.model.sensors.gyro.errors.latency_s);
-        self.push(stamp_ns - latency_ns, Input::Gyro(*rate_b_rad_s));
+        self.push(stamp_ns - ns(self.model.sensors.gyro.errors.latency_s), Input::Gyro(*rate_b_rad_s));
         self.compare();
     }
 
-    /// Speeds of the wheels [rad/s] and the motor torques that were in force until then [N m].
+    /// Speeds of the wheels [rad/s] and the motor torques that were in force until then [N m], finite, of each wheel one.
     pub fn on_wheels(&mut self, stamp_ns: i64, speed_rad_s: &[f64], torque_n_m: &[f64]) {
-        let wheels = self.model.wheels().len();
-        let finite = speed_rad_s.iter().chain(torque_n_m).all(|x| x.is_finite());
-        if speed_rad_s.len() != wheels || torque_n_m.len() != wheels || !finite {
-            return;
-        }
-        let fill = |numbers: &[f64]| std::array::from_fn(|j| numbers.get(j).copied().unwrap_or(0.0));
+        let fill = |of: &[f64]| std::array::from_fn(|j| of.get(j).copied().unwrap_or(0.0));
         let now: ([f64; MAX_WHEELS], _) = (fill(speed_rad_s), fill(torque_n_m));
         let since_s = self.heard(Source::Wheels, stamp_ns).unwrap_or(0.0);
         let before = self.wheels.replace(now).map_or(now.1, |(_, torque)| torque);
@@ -113,36 +91,27 @@ impl Monitor {
         self.compare();
     }
 
-    /// State of the valves at `stamp_ns`, and how long each was driven in all \[s\]: so that a message that is lost loses no
-    /// pulse.
+    /// State of the valves at `stamp_ns`, and how long each was driven in all \[s\], finite: a message that is lost loses no pulse.
     pub fn on_valves(&mut self, stamp_ns: i64, open: &[bool], total_on_time_s: &[f64]) {
-        let jets = self.model.jets().len();
-        let finite = total_on_time_s.iter().all(|total| total.is_finite());
-        if open.len() != jets || total_on_time_s.len() != jets || !finite {
-            return;
-        }
         let since_s = self.heard(Source::Valves, stamp_ns);
         let before = self.valves.replace((open.to_vec(), total_on_time_s.to_vec()));
+        let low_pa = LOW_STDDEVS * self.model.sensors.tank_pressure.stddev();
+        let is_low = self.pressure_pa.is_some_and(|measured_pa| measured_pa <= low_pa);
         if let (Some(since_s), Some((was_open, before_s))) = (since_s, before) {
-            let before_ns = stamp_ns - ns(since_s);
-            for jet in 0..jets {
-                let on_time_s = total_on_time_s[jet] - before_s[jet];
+            let since_ns = ns(since_s);
+            let valves = open.iter().zip(&was_open).zip(total_on_time_s.iter().zip(&before_s));
+            for (jet, ((open, was_open), (total_s, before_s))) in valves.enumerate() {
+                let on_time_s = total_s - before_s;
+                let on_ns = ns(on_time_s).clamp(0, since_ns);
                 if !(-ROUNDED_S..=since_s + ROUNDED_S).contains(&on_time_s) {
-                    self.lose("states of the valves contradict each other".to_owned());
-                    break;
+                    return self.lose("states of the valves contradict each other");
+                } else if on_ns > 0 && is_low {
+                    return self.lose("the tank is nearly empty, and jets may push or not");
+                } else if on_ns > 0 {
+                    let opened_meanwhile = *open && !was_open;
+                    let start_ns = stamp_ns - if opened_meanwhile { on_ns } else { since_ns };
+                    self.push(start_ns, Input::Pulse(jet, on_ns as f64 * 1e-9));
                 }
-                let on_ns = ns(on_time_s).clamp(0, stamp_ns - before_ns);
-                if on_ns == 0 {
-                    continue;
-                }
-                let low_pa = LOW_STDDEVS * self.model.sensors.tank_pressure.stddev();
-                if self.pressure_pa.is_some_and(|measured_pa| measured_pa <= low_pa) {
-                    self.lose("the tank is nearly empty, and jets may push or not".to_owned());
-                    break;
-                }
-                let opened_meanwhile = open[jet] && !was_open[jet];
-                let start_ns = if opened_meanwhile { stamp_ns - on_ns } else { before_ns };
-                self.push(start_ns, Input::Pulse(jet, on_ns as f64 * 1e-9));
             }
         }
         self.compare();
@@ -173,12 +142,12 @@ impl Monitor {
         q_world_body: &UnitQuaternion<f64>,
         rate_b_rad_s: &Vector3<f64>,
     ) {
-        let vertical = whorl_math::vertical_b(q_world_body);
-        let from_stop_rad = match self.model.tilt_limit {
-            TiltLimit::Cone { max_rad } => max_rad - vertical.z.clamp(-1.0, 1.0).acos(),
-            TiltLimit::Pitch { max_rad } => max_rad - vertical.x.clamp(-1.0, 1.0).asin().abs(),
+        let limit = self.model.tilt_limit;
+        let off_rad = match limit {
+            TiltLimit::Cone { .. } => tilt_rad(q_world_body),
+            TiltLimit::Pitch { .. } => elevation_x_rad(q_world_body).abs(),
         };
-        if self.model.tilt_limit.stops() && from_stop_rad <= FROM_STOP_RAD {
+        if limit.stops() && off_rad >= limit.max_rad() - FROM_STOP_RAD {
             return self.pause();
         }
         self.heard(Source::Attitude, stamp_ns);
@@ -186,7 +155,6 @@ impl Monitor {
             self.push(stamp_ns, Input::Attitude(*q_world_body, *rate_b_rad_s));
             self.compare();
         } else if self.wheels.is_some() || self.model.wheels().is_empty() {
-            // The motion is found anew from here.
             let motion = (*q_world_body, *rate_b_rad_s, self.wheels.unwrap_or_default().0);
             self.driven = Driven::new(&self.model, self.pressure_pa, stamp_ns, &motion).ok();
             self.inputs.retain(|(at_ns, _)| *at_ns > stamp_ns);
@@ -203,15 +171,10 @@ impl Monitor {
     }
 
     /// The same because data are late, lost or in disorder.
-    fn lose(&mut self, hole: String) {
-        self.holes += u64::from(self.driven.is_some());
-        self.hole = Some(hole);
+    fn lose(&mut self, hole: &str) {
+        self.watch.newest.holes += u64::from(self.driven.is_some());
+        self.watch.newest.hole = Some(hole.to_owned());
         self.pause();
-    }
-
-    /// Forgets a mismatch, as after a repair, and all evidence.
-    pub fn forget(&mut self) {
-        self.watch.forget();
     }
 
     /// Compares all cells about which everything has arrived.
@@ -222,15 +185,13 @@ impl Monitor {
                 Ok(true) if self.watch.cell(driven, &mut self.inputs, end_ns) => {}
                 Ok(true) => self.pause(),
                 Ok(false) => return,
-                Err(hole) => self.lose(hole),
+                Err(hole) => self.lose(&hole),
             }
         }
     }
 
     /// How well the model fits now. Sums begin anew.
     pub fn fit(&mut self) -> Fit {
-        let fit = self.watch.fit(self.driven.is_some());
-        self.hole = self.hole.take().filter(|_| fit.state == State::Waiting);
-        Fit { hole: self.hole.clone(), holes: self.holes, ..fit }
+        self.watch.fit(self.driven.is_some())
     }
 }

@@ -28,6 +28,7 @@
 #![doc = include_str!("../README.md")]
 
 mod catalogue;
+pub mod changes;
 mod command_line;
 mod descriptor;
 mod document;

@@ -1,17 +1,16 @@
 //! Columns of sensitivities side by side, and what is gathered of them.
 
 use nalgebra::{DMatrix, DVector, Vector3};
+use whorl_math::lanes::{BLOCK, Gain, Gram, Lanes, Sparse};
 
 use crate::noise::Layout;
-use crate::rows::Readings;
-use whorl_math::lanes::Gram;
-use whorl_math::lanes::{BLOCK, Gain, Lanes, Sparse};
 
 /// Columns of a filter's estimate: those of its state at the beginning, then others, which begin with nothing.
 pub(crate) struct Blocks {
     /// Coordinates of the state at the beginning, if their columns are wanted.
-    states: usize,
+    pub states: usize,
     plant: usize,
+    width: usize,
     blocks: Vec<Block>,
     /// Sum of d d^T / S over all innovations e with d = de/dtheta: the information on the parameters.
     information: Gram,
@@ -20,7 +19,6 @@ pub(crate) struct Blocks {
     pub design: Option<Vec<f32>>,
 }
 
-/// Columns that lie side by side.
 #[derive(Clone)]
 struct Block {
     /// Of the filter's estimate, a row for each coordinate of the layout, per unit.
@@ -32,16 +30,6 @@ struct Block {
     d: Lanes,
 }
 
-/// What columns say at the end: of the state at the beginning first, then of parameters and laws.
-#[derive(Default)]
-pub(crate) struct Said {
-    /// Sum of d d^T / S.
-    pub information: DMatrix<f64>,
-    /// Minus the sum of d e / S: d log p by each.
-    pub slope: DVector<f64>,
-    pub design: Option<Vec<f32>>,
-}
-
 impl Blocks {
     /// With or without columns of the state; so many others, and behind them so many of which those `apart` take no part together.
     pub fn new(layout: Layout, of_state: bool, parameters: usize, laws: usize, apart: usize) -> Self {
@@ -50,51 +38,36 @@ impl Blocks {
         let count = states + parameters + laws;
         // One row of few columns, or blocks of many.
         let (blocks, least) = if count < BLOCK { (1, count.max(1)) } else { (count.div_ceil(BLOCK), BLOCK) };
-        let block = Block {
-            of_state: Lanes::zeros(size, least),
-            half: Lanes::zeros(plant, least),
-            is_pushed: false,
-            d: Lanes::zeros(0, least),
-        };
-        let mut new = Self {
-            states,
-            plant,
-            blocks: vec![block; blocks],
-            information: Gram::new(states + parameters, laws, apart),
-            slope: DVector::zeros(count),
-            design: None,
-        };
-        let width = new.width();
+        let [of_state, half, d] = [size, plant, 0].map(|rows| Lanes::zeros(rows, least));
+        let width = of_state.width();
+        let mut blocks = vec![Block { of_state, half, is_pushed: false, d }; blocks];
         for i in 0..states {
-            new.blocks[i / width].of_state.row_mut(i)[i % width] = 1.0;
+            blocks[i / width].of_state.row_mut(i)[i % width] = 1.0;
         }
-        new
+        let (information, slope) = (Gram::new(states + parameters, laws, apart), DVector::zeros(count));
+        Self { states, plant, width, blocks, information, slope, design: None }
     }
 
-    /// How many there are, and how many of these are of the state at the beginning.
-    pub fn count(&self) -> (usize, usize) {
-        (self.slope.len(), self.states)
+    pub fn count(&self) -> usize {
+        self.slope.len()
     }
 
-    /// What was found of all innovations so far.
-    pub fn said(self) -> Said {
-        Said { information: self.information.sum(), slope: -self.slope, design: self.design }
+    /// What columns say at the end, of the state at the beginning first, then of parameters and laws: sum of d d^T / S, minus that of d e / S, which is
+    /// d log p by each, and the design.
+    pub fn said(self) -> (DMatrix<f64>, DVector<f64>, Option<Vec<f32>>) {
+        (self.information.sum(), -self.slope, self.design)
     }
 
-    /// How a coordinate of the present state changes with a column.
     #[inline(always)]
     pub fn at(&self, coordinate: usize, column: usize) -> f64 {
-        let width = self.width();
-        self.blocks[column / width].of_state.row(coordinate)[column % width]
+        self.blocks[column / self.width].of_state.row(coordinate)[column % self.width]
     }
 
     #[inline(always)]
-    pub fn set(&mut self, coordinate: usize, column: usize, x: f64) {
-        let width = self.width();
-        self.blocks[column / width].of_state.row_mut(coordinate)[column % width] = x;
+    pub fn at_mut(&mut self, coordinate: usize, column: usize) -> &mut f64 {
+        &mut self.blocks[column / self.width].of_state.row_mut(coordinate)[column % self.width]
     }
 
-    /// Nothing is added over the next step.
     pub fn rest(&mut self) {
         for block in self.blocks.iter_mut().filter(|block| block.is_pushed) {
             block.half.clear(self.plant);
@@ -105,20 +78,19 @@ impl Blocks {
     /// Adds to what is added to a column over half of the next step: s <- F (s + h/2 r) + h/2 r.
     #[inline(always)]
     pub fn push(&mut self, column: usize, coordinate: usize, half: f64) {
-        let width = self.width();
-        let block = &mut self.blocks[column / width];
+        let block = &mut self.blocks[column / self.width];
         block.is_pushed = true;
-        block.half.row_mut(coordinate)[column % width] += half;
+        block.half.row_mut(coordinate)[column % self.width] += half;
     }
 
     pub fn carry(&mut self, transition: &Sparse) {
-        for block in &mut self.blocks {
-            if block.is_pushed {
-                block.of_state.add(&block.half);
+        for Block { of_state, half, is_pushed, .. } in &mut self.blocks {
+            if *is_pushed {
+                of_state.add(half);
             }
-            block.of_state.carry(transition);
-            if block.is_pushed {
-                block.of_state.add(&block.half);
+            of_state.carry(transition);
+            if *is_pushed {
+                of_state.add(half);
             }
         }
     }
@@ -127,7 +99,6 @@ impl Blocks {
         self.blocks.iter_mut().for_each(|block| block.of_state.level(axis));
     }
 
-    /// Nothing moves a coordinate.
     pub fn hold(&mut self, coordinate: usize) {
         self.blocks.iter_mut().for_each(|block| block.of_state.hold_row(coordinate));
     }
@@ -137,32 +108,20 @@ impl Blocks {
         self.blocks.iter_mut().for_each(|block| block.d.clear(readings));
     }
 
-    /// How a reading less its prediction changes with a column where the state does not.
+    /// How a reading less its prediction changes with a column where the state does not; behind [`Self::take_in`] how its innovation does.
     #[inline(always)]
-    pub fn set_reading(&mut self, column: usize, reading: usize, x: f64) {
-        let width = self.width();
-        self.blocks[column / width].d.row_mut(reading)[column % width] = x;
+    pub fn reading(&mut self, reading: usize, column: usize) -> &mut f64 {
+        &mut self.blocks[column / self.width].d.row_mut(reading)[column % self.width]
     }
 
-    /// How the innovation of a reading of the present instant changes with a column.
-    pub fn of_innovation(&self, reading: usize, column: usize) -> f64 {
-        let width = self.width();
-        self.blocks[column / width].d.row(reading)[column % width]
-    }
-
-    pub fn take_in(&mut self, readings: &Readings, gain: &Gain, values: &[f64]) {
-        let width = self.width();
-        // Nobody has read how they change by themselves.
+    pub fn take_in(&mut self, by_state: &Sparse, gain: &Gain, values: &[f64]) {
         for block in &mut self.blocks {
-            if block.d.rows() != readings.rows.len() {
-                block.d.clear(readings.rows.len());
-            }
-            block.of_state.take_in(&readings.by_state, gain, &mut block.d);
+            block.of_state.take_in(by_state, gain, &mut block.d);
         }
         for (r, (value, variance)) in values.iter().zip(&gain.variances).enumerate() {
             let scale = 1.0 / variance.sqrt();
             let normalised = self.information.room();
-            for (block, to) in self.blocks.iter().zip(normalised.chunks_mut(width)) {
+            for (block, to) in self.blocks.iter().zip(normalised.chunks_mut(self.width)) {
                 to.iter_mut().zip(block.d.row(r)).for_each(|(to, d)| *to = d * scale);
             }
             let e = value * scale;
@@ -172,9 +131,5 @@ impl Blocks {
             }
             self.information.added();
         }
-    }
-
-    fn width(&self) -> usize {
-        self.blocks[0].of_state.width()
     }
 }

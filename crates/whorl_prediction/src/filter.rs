@@ -1,29 +1,26 @@
-//! The filter: what was read corrects what was predicted.
-//!
-//! Three recursions, each with a module of its own: the mean with its innovations, the covariance with its gains, and how both change with
-//! the state at the start and with parameters.
+//! The filter: what was read corrects what was predicted. Three recursions, each with a module of its own: the mean with its innovations, the
+//! covariance with its gains, and how both change with the state at the start and with parameters.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
+use whorl_math::lanes::Gain;
 
 use crate::columns::Columns;
 use crate::gains::Gains;
-use crate::innovations::{Innovation, Mean};
-use crate::noise::Noise;
-use crate::prepared::Prepared;
+use crate::innovations::Mean;
 use crate::rows::Readings;
-use crate::start::{Start, known_biases};
+use crate::start::known_biases;
 use crate::trail::Trail;
-
-/// Memory for the gains of a recording at most \[bytes\]: half an hour of three sensors at 100 Hz.
-const MOST_BYTES: usize = 384 << 20;
+use crate::{Innovation, Noise, Prepared, Start};
 
 pub(crate) struct Filter<'a> {
     pub mean: Mean<'a>,
-    pub gains: Gains<'a>,
+    pub gains: Gains,
     /// How it changes with its state at an instant, and with parameters of the model.
     pub columns: Option<Columns<'a>>,
     pub trail: Option<Trail>,
+    /// Its gains, instant by instant \[ns\], if they are kept for passes close by.
+    pub kept: Option<Vec<(i64, Gain)>>,
     pub readings: Readings,
     /// Covariance of the start, how far from the start that was given the filter began,
     pub known: DMatrix<f64>,
@@ -40,6 +37,7 @@ impl<'a> Filter<'a> {
         Self {
             columns: None,
             trail: None,
+            kept: None,
             readings: Readings::default(),
             known: gains.covariance.matrix(size, size),
             begun: DVector::zeros(size),
@@ -57,45 +55,19 @@ impl<'a> Filter<'a> {
         self
     }
 
-    /// The same, which finds how it changes with its start and with parameters.
-    pub fn varying(mut self, columns: Columns<'a>) -> Self {
-        self.columns = Some(columns);
-        self
-    }
-
-    pub fn is_lost(&self) -> bool {
-        self.mean.lost
-    }
-
-    /// The same, which keeps its gains for passes close by.
-    pub fn keeping(mut self) -> Self {
-        self.trail = Some(Trail::new(self.mean.layout, self.known.clone(), MOST_BYTES));
-        self
-    }
-
-    /// Gains that were kept; `None` where the motion is lost, or where it would have been too much.
-    pub fn kept(&mut self) -> Option<Trail> {
-        self.trail.take().filter(|trail| !trail.is_full() && !self.mean.lost)
-    }
-
-    /// Goes through the recording, or through so many instants of it.
     pub fn run(&mut self, most: usize, told: &mut dyn FnMut(&Innovation)) -> Likelihood {
         let mut likelihood = Likelihood::begun(self.log_known);
         let mut add = |innovation: &Innovation| {
             likelihood.add(innovation);
             told(innovation);
         };
-        for _ in 0..most {
-            if !self.step(&mut add) {
-                break;
-            }
-        }
+        let mut instants = 0..most;
+        while instants.next().is_some() && self.step(&mut add) {}
         likelihood.end(self.mean.lost);
         likelihood
     }
 
-    /// Goes to the next instant at which anything was read, and takes it in: `told` hears what was found. False behind the
-    /// last, and when the motion is lost.
+    /// Goes to the next instant at which anything was read, and takes it in. False behind the last, and when the motion is lost.
     pub fn step(&mut self, told: &mut dyn FnMut(&Innovation)) -> bool {
         if !self.go() {
             return false;
@@ -107,40 +79,8 @@ impl<'a> Filter<'a> {
 
     /// Goes to the next instant at which anything was read; false where there is none.
     pub fn go(&mut self) -> bool {
-        let Some(instant_ns) = self.mean.next_ns() else { return false };
-        self.mean.set_out(instant_ns);
-        self.propagate(instant_ns);
-        self.mean.find_due(instant_ns);
-        !self.mean.lost
-    }
-
-    pub fn read(&mut self) {
-        self.mean.read(Some(&self.gains.linearised), &mut self.readings);
-        self.gains.set_back(&mut self.readings);
-    }
-
-    /// Corrects the state by what was read, one number after the other.
-    pub fn take_in(&mut self, told: &mut dyn FnMut(&Innovation)) {
         let (mean, gains) = (&mut self.mean, &mut self.gains);
-        if let Some(columns) = &mut self.columns {
-            columns.read(mean, &gains.linearised, &self.readings);
-        }
-        // Every reading has noise: without a variance the covariance is beyond repair.
-        if !gains.correct(&self.readings) {
-            mean.lost = true;
-            return;
-        }
-        mean.take_in(&self.readings, &gains.gain, told);
-        if let Some(columns) = &mut self.columns {
-            columns.blocks.take_in(&self.readings, &gains.gain, &mean.values);
-        }
-        if let Some(trail) = self.trail.as_mut().filter(|_| !mean.lost) {
-            trail.take_in(&self.readings, &gains.gain, &mean.values);
-        }
-    }
-
-    fn propagate(&mut self, to_ns: i64) {
-        let (mean, gains) = (&mut self.mean, &mut self.gains);
+        let Some(to_ns) = mean.set_out() else { return false };
         let case = mean.case;
         while mean.plant.now_ns() < to_ns && !mean.lost {
             let from_ns = mean.plant.now_ns();
@@ -148,18 +88,14 @@ impl<'a> Filter<'a> {
             // Equal steps, so that none is tiny.
             let steps = (left_ns as f64 * 1e-9 / gains.longest_s()).ceil().clamp(1.0, 1e6);
             let end_ns = (from_ns + ((left_ns as f64 / steps).ceil() as i64).max(1)).min(to_ns);
-            if let Some(columns) = &mut self.columns {
-                columns.set_out(mean, end_ns, to_ns);
-            }
-            mean.advance(end_ns, gains.last_step());
+            mean.disturb();
+            self.columns.iter_mut().for_each(|columns| columns.set_out(mean, end_ns, to_ns));
+            mean.advance(end_ns);
             gains.follow(&mean.plant, end_ns - from_ns);
             if let Some(columns) = &mut self.columns {
                 mean.lost |= !columns.follow(case, &mean.plant, gains);
             }
-            mean.move_by_motors(&gains.step.transition, 1.0, gains.unseen_axis.as_ref());
-            if let Some(trail) = &mut self.trail {
-                trail.step(end_ns, end_ns - from_ns, gains);
-            }
+            self.trail.iter_mut().for_each(|trail| trail.step(end_ns - from_ns, gains));
         }
         // Nothing is uncertain of a wheel that its friction holds.
         for (i, _) in mean.layout.plant.wheels().zip(mean.plant.held_wheels()).filter(|(_, held)| *held) {
@@ -167,11 +103,36 @@ impl<'a> Filter<'a> {
             self.columns.iter_mut().for_each(|columns| columns.blocks.hold(i));
             self.trail.iter_mut().for_each(|trail| trail.hold(i));
         }
+        mean.find_due(to_ns);
+        !mean.lost
+    }
+
+    pub fn read(&mut self) {
+        self.mean.read(Some(&self.gains.linearised), &mut self.readings);
+        self.gains.set_back(&mut self.readings);
+    }
+
+    pub fn take_in(&mut self, told: &mut dyn FnMut(&Innovation)) {
+        let (mean, gains) = (&mut self.mean, &mut self.gains);
+        self.columns.iter_mut().for_each(|columns| columns.read(mean, &gains.linearised, &self.readings));
+        // Every reading has noise: without a variance the covariance is beyond repair.
+        if !gains.correct(&self.readings) {
+            mean.lost = true;
+            return;
+        }
+        mean.take_in(&self.readings, &gains.gain, told);
+        if let Some(columns) = &mut self.columns {
+            columns.blocks.take_in(&self.readings.by_state, &gains.gain, &mean.values);
+        }
+        if mean.lost {
+            return;
+        }
+        self.trail.iter_mut().for_each(|trail| trail.take_in(&self.readings, &gains.gain, &mean.values));
+        self.kept.iter_mut().for_each(|kept| kept.push((mean.plant.now_ns(), gains.gain.clone())));
     }
 }
 
-/// How far from a start a filter begins whose start moves from pass to pass, while what was known of the sensors' biases before the run
-/// stays about none, and what that adds to the log likelihood (METHOD.md, "Start").
+/// How far from its start a filter begins so that what was known of biases before the run stays about none, and what that adds to log p (METHOD.md, "Start").
 pub(crate) fn begun_about_known_biases(
     case: &Prepared<'_>,
     start: &Start,
@@ -204,13 +165,11 @@ pub struct Likelihood {
 
 impl Likelihood {
     /// Mean square of the normalised innovations: 1 with the true model.
-    #[must_use]
     pub fn misfit(&self) -> f64 {
         self.chi_squared / self.numbers.max(1) as f64
     }
 
-    /// Whether no more than noise is left: the misfit is 1 to five deviations of a mean of so many squares, and to what a level of noise
-    /// may be off by.
+    /// Whether no more than noise is left: the misfit is 1 to five deviations of such a mean, and to what a level of noise may be off by.
     pub(crate) fn is_noise(&self) -> bool {
         self.misfit() < 1.0 + UNSURE_OF_NOISE + 5.0 * (2.0 / self.numbers.max(1) as f64).sqrt()
     }
@@ -233,11 +192,4 @@ impl Likelihood {
             self.log = f64::NEG_INFINITY;
         }
     }
-}
-
-/// How likely a recording is with these levels of noise from a start, by a filter with gains of its own; what was known of the biases
-/// before the run stays about none.
-#[must_use]
-pub fn likelihood(case: &Prepared<'_>, noise: &Noise, start: &Start) -> Likelihood {
-    Filter::new(case, noise, start).about_known_biases(start).run(usize::MAX, &mut |_| {})
 }

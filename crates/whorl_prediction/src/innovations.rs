@@ -1,26 +1,23 @@
-//! The mean of a state on its way through a recording, and what readings are less their predictions: with any gains.
+//! The mean of the state on its way through a recording, and what readings are less their predictions: with any gains.
 
 use std::cell::Cell;
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::{DVector, Unit, Vector3};
 use whorl_dynamics::plant::{LinearisedPlant, Plant, ROTATION};
-use whorl_math::lanes::{Gain, Sparse, level};
-use whorl_recording::Component;
+use whorl_math::lanes::Gain;
+use whorl_math::{quaternion_exp, unit_or};
+use whorl_recording::{Channel, Component};
 
-use crate::noise::{Layout, Noise};
-use crate::prepared::Prepared;
 use crate::readings::Cursor;
-use crate::rows::{Collected, Readings, Seen};
-use crate::start::Start;
+use crate::rows::{Collected, Readings};
 use crate::stop::obey;
+use crate::{Layout, Noise, Prepared, Start};
 
 thread_local! {
     static INSTANTS: Cell<u64> = const { Cell::new(0) };
 }
 
-/// Instants of recordings at which anything was taken in on this thread since it began, whatever for: over those of a recording, how many passes by each
-/// reading a computation was worth, on any machine.
-#[must_use]
+/// Instants at which anything was taken in on this thread since it began: over those of a recording, how many passes a computation was worth.
 pub fn instants_on_this_thread() -> u64 {
     INSTANTS.get()
 }
@@ -42,49 +39,38 @@ pub struct Innovation {
 
 impl Innovation {
     /// Over its predicted deviation: independent and standard normal for the true model.
-    #[must_use]
     pub fn normalised(&self) -> f64 {
         self.value / self.stddev
     }
 
     /// Its part of the log likelihood, -1/2 (e^2/S + log 2 pi S).
-    #[must_use]
     pub fn log_likelihood(&self) -> f64 {
         -0.5 * (self.normalised().powi(2) + (std::f64::consts::TAU * self.stddev * self.stddev).ln())
     }
 }
 
-/// The mean of the state on its way.
 pub(crate) struct Mean<'a> {
     pub case: &'a Prepared<'a>,
     pub noise: &'a Noise,
     pub layout: Layout,
     pub plant: Plant,
-    /// Disturbance and biases: what the state has besides the plant's, by [`Layout`]; entries of the plant are zero.
+    /// Disturbances and biases: what the state has besides the plant's, by [`Layout`]; entries of the plant are zero.
     pub beside: DVector<f64>,
-    /// The next command.
     pub event: usize,
     cursor: Cursor,
     /// Where the present cell of readings ends \[ns\], and what was read in it.
     end_ns: i64,
-    collected: Collected,
-    /// Readings of an instant within a cell.
+    pub collected: Collected,
     within: Readings,
-    /// Motors' disturbances at the start of a step, and what they have moved within it.
-    motors_n_m: Vec<f64>,
-    moved: Vec<f64>,
     /// What was read at the present instant: tracks and samples.
     pub due: Vec<(usize, usize)>,
-    /// Innovations of the present instant.
+    /// Innovations of the present instant, and by how much they change the state.
     pub values: Vec<f64>,
-    /// By how much they change the state.
     change: Vec<f64>,
-    /// The motion is no longer finite.
     pub lost: bool,
 }
 
 impl<'a> Mean<'a> {
-    /// At a start.
     pub fn new(case: &'a Prepared<'a>, noise: &'a Noise, start: &Start) -> Self {
         let mut plant = case.plant.clone();
         start.put(&mut plant);
@@ -99,8 +85,6 @@ impl<'a> Mean<'a> {
             end_ns: i64::MIN,
             collected: Collected::default(),
             within: Readings::default(),
-            motors_n_m: Vec::new(),
-            moved: Vec::new(),
             due: Vec::new(),
             values: Vec::new(),
             change: Vec::new(),
@@ -108,28 +92,17 @@ impl<'a> Mean<'a> {
         }
     }
 
-    /// The instant at which the next readings are taken in \[ns\].
-    pub fn next_ns(&self) -> Option<i64> {
-        self.cursor.instant_ns(&self.case.tracks).map(|first_ns| self.case.cell_end_ns(first_ns))
+    /// Sets out to the instant at which the next readings are taken in \[ns\]; `None` behind the last. What is read then is known before: what a platform
+    /// does there is what others begin with.
+    pub fn set_out(&mut self) -> Option<i64> {
+        self.end_ns = self.case.cell_end_ns(self.cursor.instant_ns(&self.case.tracks)?);
+        self.collected.0.clear();
+        self.plant.average_readings(self.case.mean_inputs(self.end_ns));
+        Some(self.end_ns)
     }
 
-    /// Sets out to the instant of the next readings. What is read then is known before: what a platform does there is what others begin
-    /// with.
-    pub fn set_out(&mut self, instant_ns: i64) {
-        self.end_ns = instant_ns;
-        self.collected.clear();
-        self.plant.average_readings(self.case.mean_inputs(instant_ns));
-    }
-
-    /// A step of the plant to an instant, with the disturbances that are known now; `before`: what a step did to errors before this one, and its length
-    /// \[s\], by which what motors have moved is told where something is read within.
-    pub fn advance(&mut self, end_ns: i64, before: Option<(&Sparse, f64)>) {
-        let motors = self.layout.motors();
-        self.motors_n_m.clear();
-        self.motors_n_m.extend(motors.map(|i| self.beside[i]));
-        self.moved.clear();
-        self.moved.resize(self.layout.plant.size(), 0.0);
-        let from_ns = self.plant.now_ns();
+    /// Goes to an instant; what is read on the way, within a cell, is collected.
+    pub fn advance(&mut self, end_ns: i64) {
         while let Some(instant_ns) = self.cursor.instant_ns(&self.case.tracks)
             && instant_ns < self.end_ns
             && instant_ns <= end_ns
@@ -137,96 +110,54 @@ impl<'a> Mean<'a> {
         {
             self.plant.average_readings(self.case.mean_inputs(instant_ns));
             self.go(instant_ns);
-            if let Some((transition, step_s)) = before {
-                self.move_by_motors(transition, (instant_ns - from_ns) as f64 * 1e-9 / step_s, None);
-            }
             self.collect(instant_ns);
             self.plant.average_readings(self.case.mean_inputs(self.end_ns));
         }
         self.go(end_ns);
     }
 
-    /// Moves the plant to an instant, while disturbances fade.
-    fn go(&mut self, to_ns: i64) {
+    /// Tells the plant the disturbances as they are now, and with it the models that take over its motion.
+    pub fn disturb(&mut self) {
         let (torques, noise) = (self.layout.disturbance(), &self.noise.disturbance);
-        for (k, process) in noise.processes().enumerate().take(torques.len() / 3) {
+        for (k, process) in noise.body.iter().enumerate().take(torques.len() / 3) {
             let now_n_m = Vector3::from_fn(|i, _| self.beside[torques.start + 3 * k + i]);
             self.plant.set_disturbance(k, now_n_m, 1.0 / process.correlation_s);
         }
+        let of_motors = self.layout.motors().map(|i| self.beside[i]);
+        self.plant.set_motor_disturbances(of_motors, 1.0 / noise.motors_correlation_s);
+    }
+
+    /// Moves the plant to an instant, while disturbances fade.
+    fn go(&mut self, to_ns: i64) {
+        self.disturb();
         let from_ns = self.plant.now_ns();
         self.lost |= !self.case.commands.run_to(&mut self.plant, &mut self.event, to_ns);
         let after_s = (to_ns - from_ns) as f64 * 1e-9;
-        for (i, _, correlation_s) in noise.coordinates(self.layout) {
+        for (i, _, correlation_s) in self.noise.disturbance.coordinates(self.layout) {
             self.beside[i] *= (-after_s / correlation_s).exp();
         }
-    }
-
-    /// Moves the plant by what the motors' disturbances, which it does not know, have moved over this share of a step, by their columns of F.
-    pub fn move_by_motors(&mut self, transition: &Sparse, share: f64, heading: Option<&Vector3<f64>>) {
-        let (motors, n) = (self.layout.motors(), self.layout.plant.size());
-        if motors.is_empty() {
-            return;
-        }
-        self.change.clear();
-        self.change.extend(self.moved.iter().map(|moved| -moved));
-        for (i, k, by) in transition.entries().filter(|(i, k, _)| *i < n && motors.contains(k)) {
-            self.change[i] += by * self.motors_n_m[k - motors.start] * share;
-        }
-        self.moved.iter_mut().zip(&self.change).for_each(|(sum, by)| *sum += by);
-        if let Some(axis) = heading {
-            level(&mut self.change[ROTATION], axis);
-        }
-        self.plant.change_state(&self.change);
     }
 
     /// Finds what is taken in at the present instant.
     pub fn find_due(&mut self, instant_ns: i64) {
         INSTANTS.set(INSTANTS.get() + 1);
         obey();
-        if self.collected.is_empty() {
-            self.find_due_now(instant_ns);
-            return;
-        }
-        self.collect(instant_ns);
-        self.collected.last(&mut self.due);
-    }
-
-    fn find_due_now(&mut self, instant_ns: i64) {
-        let tracks = &self.case.tracks;
-        self.due.clear();
-        while let Some(reading) = self.cursor.take(tracks, instant_ns) {
-            self.due.push(reading);
+        if self.collected.0.is_empty() {
+            self.cursor.take(&self.case.tracks, instant_ns, &mut self.due);
+        } else {
+            self.collect(instant_ns);
+            self.collected.last(&mut self.due);
         }
     }
 
-    /// Reads what is due within a cell.
     fn collect(&mut self, instant_ns: i64) {
-        self.find_due_now(instant_ns);
+        self.cursor.take(&self.case.tracks, instant_ns, &mut self.due);
         let mut within = std::mem::take(&mut self.within);
-        self.read_of(&self.plant, self.beside.as_slice(), None, &mut within);
+        self.read_of(&self.plant, &self.beside, None, &mut within);
         self.collected.add(&within, (self.end_ns - instant_ns) as f64 * 1e-9);
         self.within = within;
     }
 
-    /// Reads what is due against this state.
-    pub fn read(&self, linearised: Option<&LinearisedPlant>, to: &mut Readings) {
-        self.read_of(&self.plant, self.beside.as_slice(), linearised, to);
-        self.collected.put(to);
-    }
-
-    /// The same against another state.
-    pub fn read_of(
-        &self,
-        plant: &Plant,
-        beside: &[f64],
-        linearised: Option<&LinearisedPlant>,
-        to: &mut Readings,
-    ) {
-        let Self { case, noise, layout, due, .. } = self;
-        Seen { case, noise, layout: *layout, plant, beside, linearised }.read(due, to);
-    }
-
-    /// Corrects the state by readings, one number after the other.
     pub fn take_in(&mut self, readings: &Readings, gain: &Gain, told: &mut dyn FnMut(&Innovation)) {
         let time_s = self.plant.now_ns() as f64 * 1e-9;
         self.values.clear();
@@ -248,7 +179,6 @@ impl<'a> Mean<'a> {
         self.apply_change();
     }
 
-    /// Moves the state.
     pub fn change(&mut self, change: &DVector<f64>) {
         self.change.clear();
         self.change.extend(change.iter());
@@ -257,9 +187,101 @@ impl<'a> Mean<'a> {
 
     fn apply_change(&mut self) {
         let n = self.layout.plant.size();
-        for i in n..self.layout.size() {
-            self.beside[i] += self.change[i];
-        }
+        (n..self.layout.size()).for_each(|i| self.beside[i] += self.change[i]);
         self.plant.change_state(&self.change[..n]);
+    }
+
+    /// Reads what is due against this state; derivatives are those about it.
+    pub fn read(&self, linearised: Option<&LinearisedPlant>, to: &mut Readings) {
+        self.read_of(&self.plant, &self.beside, linearised, to);
+        self.collected.put(to);
+    }
+
+    /// The same against another state, each reading by itself.
+    pub fn read_of(
+        &self,
+        plant: &Plant,
+        beside: &DVector<f64>,
+        linearised: Option<&LinearisedPlant>,
+        to: &mut Readings,
+    ) {
+        to.clear();
+        let (tracks, n) = (&self.case.tracks, self.layout.plant.size());
+        let inertial =
+            |of: &(usize, usize)| matches!(tracks[of.0].channel, Channel::Gyro | Channel::Accelerometer);
+        let imu = if self.due.iter().any(inertial) { plant.imu_reading() } else { Default::default() };
+        for (position, sample) in &self.due {
+            let track = &tracks[*position];
+            if track.channel == Channel::Vector {
+                self.read_direction(plant, *position, *sample, linearised.is_some(), to);
+                continue;
+            }
+            for component in &track.components {
+                let index = component.index();
+                let Some(reading) = track.number(*sample, index) else { continue };
+                let (predicted, bias) = match track.channel {
+                    Channel::Gyro => (imu.0.get(index), self.layout.gyro_bias()),
+                    Channel::Accelerometer => (imu.1.get(index), self.layout.force_bias()),
+                    _ => (plant.state().wheel_speed_rad_s().get(index), 0..0),
+                };
+                let bias = (!bias.is_empty()).then_some(bias.start + index);
+                let predicted = predicted.copied().unwrap_or(f64::NAN) + bias.map_or(0.0, |i| beside[i]);
+                if let Some(linearised) = linearised {
+                    let by_state = &mut to.by_state;
+                    let mut set_row =
+                        |row: usize| (0..n).for_each(|i| by_state.set(i, linearised.imu_by_state[(row, i)]));
+                    match track.channel {
+                        Channel::Gyro => set_row(index),
+                        Channel::Accelerometer => {
+                            set_row(3 + index);
+                            let by_torque = linearised.force_by_torque.row(index);
+                            for (k, i) in self.layout.disturbance().enumerate() {
+                                by_state.set(i, by_torque[k % 3]);
+                            }
+                            for (i, wheel) in self.layout.motors().zip(self.case.model().wheels()) {
+                                by_state.set(i, -by_torque.transpose().dot(&wheel.spin_axis_b));
+                            }
+                        }
+                        _ => by_state.set(self.layout.plant.wheels().start + index, 1.0),
+                    }
+                    bias.into_iter().for_each(|i| by_state.set(i, 1.0));
+                }
+                let of = (*component, self.noise.of(*component).powi(2));
+                to.push(of, (*position, *sample), (reading, reading - predicted), Vector3::zeros());
+            }
+        }
+    }
+
+    /// The angle from the predicted direction to the one that was read, about two axes across it.
+    fn read_direction(
+        &self,
+        plant: &Plant,
+        position: usize,
+        sample: usize,
+        has_derivatives: bool,
+        to: &mut Readings,
+    ) {
+        let track = &self.case.tracks[position];
+        let reference = self.case.recording.vectors.get(track.sensor).map(|vector| vector.reference_world);
+        let Some((reading, reference)) = track.vector(sample).zip(reference) else { return };
+        let sensor = plant.gyrostat().model().sensors.vector;
+        let misalignment_rad = sensor.map_or(Vector3::zeros(), |v| v.misalignment_rad);
+        let to_sensor = quaternion_exp(&misalignment_rad).inverse();
+        let predicted = to_sensor * plant.state().q_world_body.inverse_transform_vector(&reference);
+        let measured = unit_or(reading, Unit::new_unchecked(predicted));
+        let across = predicted.cross(&measured);
+        let sine = across.norm();
+        let off = if sine > 0.0 { across * (sine.atan2(predicted.dot(&measured)) / sine) } else { across };
+        let helper = if predicted.z.abs() > 0.7 { Vector3::x() } else { Vector3::z() };
+        let first = unit_or(predicted.cross(&helper), Vector3::x_axis()).into_inner();
+        for (component, axis) in track.components.iter().zip([first, predicted.cross(&first)]) {
+            // A body turned by a sees the direction turned by -a.
+            if has_derivatives {
+                let by_turn = to_sensor.inverse() * axis;
+                (0..3).for_each(|i| to.by_state.set(ROTATION.start + i, -by_turn[i]));
+            }
+            let of = (*component, self.noise.of(*component).powi(2));
+            to.push(of, (position, sample), (f64::NAN, off.dot(&axis)), axis);
+        }
     }
 }

@@ -2,7 +2,6 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::Plant;
-use whorl_dynamics::actuators::wheels::MAX_WHEELS;
 use whorl_dynamics::plant::{LinearisedPlant, ROTATION};
 use whorl_recording::Channel;
 
@@ -24,8 +23,10 @@ pub enum Push {
 /// Laws that are looked for in a recording: what each adds in the state of a plant. What they do at the start of a step they do
 /// throughout, so that they know nothing of readings to come.
 pub struct Laws<'a> {
-    count: usize,
-    apart: usize,
+    /// How many there are, and from how far apart two take no part together.
+    pub(crate) count: usize,
+    pub(crate) apart: usize,
+    /// Appends what each law adds in the state of a plant, in their order.
     of: Box<OfState<'a>>,
 }
 
@@ -39,18 +40,6 @@ impl<'a> Laws<'a> {
         Self { count, apart, of: Box::new(of) }
     }
 
-    /// How many there are.
-    #[must_use]
-    pub fn count(&self) -> usize {
-        self.count
-    }
-
-    /// From how far apart two take no part together.
-    pub(crate) fn apart(&self) -> usize {
-        self.apart
-    }
-
-    /// What they add in this state.
     pub(crate) fn at(&self, plant: &Plant, pushes: &mut Vec<Push>) {
         pushes.clear();
         (self.of)(plant, pushes);
@@ -64,19 +53,18 @@ impl Push {
         matches!(self, Self::Body(_) | Self::Wheel(..))
     }
 
-    /// What it does to the body [N m].
     fn on_body_n_m(&self, plant: &Plant) -> Vector3<f64> {
         match *self {
             Self::Body(torque_n_m) => torque_n_m,
             Self::Wheel(position, torque_n_m) => {
                 let wheel = plant.gyrostat().model().wheels().get(position);
-                wheel.map_or(Vector3::zeros(), |wheel| wheel.spin_axis_b.into_inner() * -torque_n_m)
+                wheel.map_or(Vector3::zeros(), |wheel| *wheel.spin_axis_b * -torque_n_m)
             }
             Self::Gyro(_) | Self::Turn(_) => Vector3::zeros(),
         }
     }
 
-    /// Adds how fast the coordinates of a plant move by it \[unit/s\], times a factor.
+    /// Adds how fast the coordinates of a plant move by it \[unit/s\], times a factor; a wheel that friction holds nothing pushes.
     pub(crate) fn add_rates(
         &self,
         plant: &Plant,
@@ -84,14 +72,18 @@ impl Push {
         factor: f64,
         add: &mut dyn FnMut(usize, f64),
     ) {
-        match *self {
-            Self::Body(torque_n_m) => add_rates_by_torque(plant, linearised, torque_n_m * factor, &[], add),
-            Self::Wheel(position, torque_n_m) if position < MAX_WHEELS => {
-                let mut wheels = [0.0; MAX_WHEELS];
-                wheels[position] = torque_n_m * factor;
-                add_rates_by_torque(plant, linearised, Vector3::zeros(), &wheels, add);
+        if let Self::Wheel(position, torque_n_m) = *self {
+            let wheel = plant.gyrostat().model().wheels().get(position);
+            let is_held = plant.held_wheels().nth(position).unwrap_or(true);
+            let Some(wheel) = wheel.filter(|_| !is_held) else { return };
+            add(plant.tangent().wheels().start + position, factor * torque_n_m / wheel.spin_inertia_kg_m2);
+        }
+        let (by_torque, body_n_m) = (&linearised.rate_by_torque, self.on_body_n_m(plant) * factor);
+        for i in (0..by_torque.nrows()).filter(|_| self.is_torque()) {
+            let rate: f64 = (0..3).map(|axis| by_torque[(i, axis)] * body_n_m[axis]).sum();
+            if rate != 0.0 {
+                add(i, rate);
             }
-            Self::Wheel(..) | Self::Gyro(_) | Self::Turn(_) => {}
         }
     }
 
@@ -103,43 +95,16 @@ impl Push {
         row: &Row,
         by_state: &[(usize, f64)],
     ) -> f64 {
-        let index = row.component.index();
         match (row.component.channel, *self) {
-            (Channel::Gyro, Self::Gyro(error)) => -error.get(index).copied().unwrap_or(0.0),
+            (Channel::Gyro, Self::Gyro(error)) => -error[row.component.index()],
             (Channel::Accelerometer, Self::Body(_) | Self::Wheel(..)) => {
-                let force_m_s2 = linearised.force_by_torque * self.on_body_n_m(plant);
-                -force_m_s2.get(index).copied().unwrap_or(0.0)
+                -(linearised.force_by_torque * self.on_body_n_m(plant))[row.component.index()]
             }
             // As if the body were turned the other way.
             (Channel::Vector, Self::Turn(rotation)) => {
                 by_state.iter().filter(|(i, _)| ROTATION.contains(i)).map(|(i, x)| x * rotation[*i]).sum()
             }
             _ => 0.0,
-        }
-    }
-}
-
-/// Adds how fast the coordinates of a plant move by torques on the body, body axes, and on wheels, of which the body takes the opposite
-/// [N m]; a wheel that friction holds nothing pushes.
-pub(crate) fn add_rates_by_torque(
-    plant: &Plant,
-    linearised: &LinearisedPlant,
-    mut body_n_m: Vector3<f64>,
-    wheels_n_m: &[f64],
-    add: &mut dyn FnMut(usize, f64),
-) {
-    let pushed = plant.gyrostat().model().wheels().iter().zip(wheels_n_m).zip(plant.held_wheels());
-    for (j, ((wheel, torque_n_m), held)) in pushed.enumerate() {
-        if *torque_n_m != 0.0 && !held {
-            body_n_m -= wheel.spin_axis_b.into_inner() * *torque_n_m;
-            add(plant.tangent().wheels().start + j, torque_n_m / wheel.spin_inertia_kg_m2);
-        }
-    }
-    let by_torque = &linearised.rate_by_torque;
-    for i in 0..by_torque.nrows() {
-        let rate: f64 = (0..3).map(|axis| by_torque[(i, axis)] * body_n_m[axis]).sum();
-        if rate != 0.0 {
-            add(i, rate);
         }
     }
 }

@@ -3,12 +3,12 @@
 use std::ops::Range;
 
 use serde::Serialize;
+use whorl_dynamics::EffectSet;
 use whorl_dynamics::plant::Tangent;
 use whorl_dynamics::platform::SensorSuite;
 use whorl_recording::{Channel, Component};
 
-use crate::prepared::Prepared;
-use crate::refusal::{PredictionError, Why};
+use crate::{PredictionError, Prepared, Why};
 
 /// Standard deviations of one reading, and of what pushes the platform that its model does not have.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -50,20 +50,22 @@ impl Disturbance {
     pub const NONE: Self = Self { body: Vec::new(), motors_n_m: Vec::new(), motors_correlation_s: 1.0 };
 
     /// Whether there is one.
-    #[must_use]
     pub fn is_some(&self) -> bool {
-        self.processes().next().is_some() || self.motors() > 0
+        self.count() > 0
     }
 
-    /// The same with all standard deviations larger by a factor.
-    #[must_use]
-    pub fn scaled(&self, factor: f64) -> Self {
-        let body = self
-            .body
-            .iter()
-            .map(|of| RandomTorque { stddev_b_n_m: of.stddev_b_n_m.map(|x| x * factor), ..*of });
-        let motors = self.motors_n_m.iter().map(|x| x * factor);
-        Self { body: body.collect(), motors_n_m: motors.collect(), ..*self }
+    /// All standard deviations: of the body's torques by process and axis, then of the motors' [N m].
+    pub(crate) fn stddevs_n_m(&self) -> impl Iterator<Item = f64> + '_ {
+        self.body.iter().flat_map(|of| of.stddev_b_n_m).chain(self.motors_n_m.iter().copied())
+    }
+
+    pub(crate) fn stddevs_n_m_mut(&mut self) -> impl Iterator<Item = &mut f64> {
+        self.body.iter_mut().flat_map(|of| &mut of.stddev_b_n_m).chain(&mut self.motors_n_m)
+    }
+
+    /// How many of them are not zero.
+    pub(crate) fn count(&self) -> usize {
+        self.stddevs_n_m().filter(|stddev| *stddev > 0.0).count()
     }
 
     /// With processes of all these correlation times \[s\], each about each axis this share of the largest about it at least.
@@ -79,39 +81,21 @@ impl Disturbance {
         spread
     }
 
-    /// Without processes that push nothing.
     pub(crate) fn forget_silent(&mut self) {
         self.body.retain(|of| of.stddev_b_n_m.iter().any(|x| *x > 0.0));
-        if self.motors() == 0 {
+        if self.motors_n_m.iter().all(|x| *x == 0.0) {
             self.motors_n_m.clear();
         }
     }
 
-    /// Those that push the body at all.
-    pub(crate) fn processes(&self) -> impl Iterator<Item = &RandomTorque> + Clone {
-        self.body.iter().filter(|process| process.stddev_b_n_m.iter().any(|x| *x > 0.0))
-    }
-
     /// Standard deviation of the whole torque on the body, about each of its axes [N m].
-    #[must_use]
     pub fn body_stddev_b_n_m(&self) -> [f64; 3] {
         [0, 1, 2].map(|axis| self.body.iter().map(|of| of.stddev_b_n_m[axis].powi(2)).sum::<f64>().sqrt())
     }
 
-    /// How many motors have one.
-    pub(crate) fn motors(&self) -> usize {
-        if self.motors_n_m.iter().any(|x| *x > 0.0) { self.motors_n_m.len() } else { 0 }
-    }
-
-    /// How many standard deviations there are that are not zero.
-    pub(crate) fn count(&self) -> usize {
-        let all = self.body.iter().flat_map(|of| &of.stddev_b_n_m).chain(&self.motors_n_m);
-        all.filter(|stddev| **stddev > 0.0).count()
-    }
-
     /// Coordinates of a layout that are torques of it, each with its standard deviation [N m] and correlation time \[s\].
     pub(crate) fn coordinates(&self, layout: Layout) -> impl Iterator<Item = (usize, f64, f64)> + Clone + '_ {
-        let body = self.processes().flat_map(|of| of.stddev_b_n_m.map(|stddev| (stddev, of.correlation_s)));
+        let body = self.body.iter().flat_map(|of| of.stddev_b_n_m.map(|stddev| (stddev, of.correlation_s)));
         let motors = self.motors_n_m.iter().map(|stddev| (*stddev, self.motors_correlation_s));
         let all = layout.disturbance().zip(body).chain(layout.motors().zip(motors));
         all.map(|(i, (stddev, correlation_s))| (i, stddev, correlation_s))
@@ -133,40 +117,34 @@ impl Noise {
             disturbance: Disturbance::NONE,
         };
         let wheels: Vec<&str> = case.model().wheels().iter().map(|wheel| wheel.name.as_str()).collect();
-        let mut components = case.tracks.iter().flat_map(|track| &track.components);
-        match components.find(|component| !noise.of(**component).is_normal()) {
-            None => Ok(noise),
-            Some(component) => Err(Why::NoNoise(component.name(&wheels)).of(recording).into()),
-        }
-    }
-
-    /// Sets the level of one component, in its channel's unit.
-    pub(crate) fn set(&mut self, component: Component, stddev: f64) {
-        let index = component.index();
-        let to = match component.channel {
-            Channel::Gyro => self.gyro_rad_s.get_mut(index),
-            Channel::Accelerometer => self.force_m_s2.get_mut(index),
-            Channel::Vector => self.vector_rad.get_mut(component.sensor()),
-            Channel::WheelSpeed => Some(&mut self.wheel_speed_rad_s),
-            _ => None,
+        let Some(silent) = case.components().find(|component| !noise.of(*component).is_normal()) else {
+            return Ok(noise);
         };
-        if let Some(to) = to {
-            *to = stddev;
-        }
+        let what = format!("{} was recorded, and its noise is stated as zero", silent.name(&wheels));
+        let advice = "state in the platform's file what one sample scatters by";
+        Err(Why::Unusable(what, advice).of(recording).into())
     }
 
     /// Standard deviation of one component, in its channel's unit; NaN where nothing of it is known.
-    #[must_use]
     pub fn of(&self, component: Component) -> f64 {
-        let index = component.index();
         let found = match component.channel {
-            Channel::Gyro => self.gyro_rad_s.get(index),
-            Channel::Accelerometer => self.force_m_s2.get(index),
+            Channel::Gyro => self.gyro_rad_s.get(component.index()),
+            Channel::Accelerometer => self.force_m_s2.get(component.index()),
             Channel::Vector => self.vector_rad.get(component.sensor()),
             Channel::WheelSpeed => Some(&self.wheel_speed_rad_s),
             _ => None,
         };
         found.copied().unwrap_or(f64::NAN)
+    }
+
+    pub(crate) fn slot(&mut self, component: Component) -> Option<&mut f64> {
+        match component.channel {
+            Channel::Gyro => self.gyro_rad_s.get_mut(component.index()),
+            Channel::Accelerometer => self.force_m_s2.get_mut(component.index()),
+            Channel::Vector => self.vector_rad.get_mut(component.sensor()),
+            Channel::WheelSpeed => Some(&mut self.wheel_speed_rad_s),
+            _ => None,
+        }
     }
 }
 
@@ -176,10 +154,8 @@ impl Noise {
 pub struct Layout {
     /// Of the plant.
     pub plant: Tangent,
-    disturbance: usize,
-    motors: usize,
-    gyro_bias: usize,
-    force_bias: usize,
+    /// Where disturbances of the body, of motors, the gyro's bias and the accelerometer's end.
+    ends: [usize; 4],
 }
 
 impl Layout {
@@ -191,68 +167,58 @@ impl Layout {
         gyro_bias: bool,
         force_bias: bool,
     ) -> Self {
-        let three = |there| if there { 3 } else { 0 };
-        Self {
-            plant,
-            disturbance: 3 * disturbances,
-            motors,
-            gyro_bias: three(gyro_bias),
-            force_bias: three(force_bias),
-        }
+        let counts = [3 * disturbances, motors, 3 * usize::from(gyro_bias), 3 * usize::from(force_bias)];
+        let mut end = plant.size();
+        let ends = counts.map(|count| {
+            end += count;
+            end
+        });
+        Self { plant, ends }
     }
 
     /// The disturbance torques on the body, about three axes each.
-    #[must_use]
     pub fn disturbance(&self) -> Range<usize> {
-        after(self.plant.size(), self.disturbance)
+        self.plant.size()..self.ends[0]
     }
 
     /// The disturbance torque of each motor.
-    #[must_use]
     pub fn motors(&self) -> Range<usize> {
-        after(self.disturbance().end, self.motors)
+        self.ends[0]..self.ends[1]
     }
 
     /// Bias of the gyro.
-    #[must_use]
     pub fn gyro_bias(&self) -> Range<usize> {
-        after(self.motors().end, self.gyro_bias)
+        self.ends[1]..self.ends[2]
     }
 
     /// Bias of the accelerometer.
-    #[must_use]
     pub fn force_bias(&self) -> Range<usize> {
-        after(self.gyro_bias().end, self.force_bias)
+        self.ends[2]..self.ends[3]
     }
 
     /// What moves: the plant and its disturbances. The rest stays as it is, or walks.
-    #[must_use]
     pub fn moving(&self) -> usize {
-        self.motors().end
+        self.ends[1]
     }
 
     /// Variance that each coordinate gains in a second by its own random walk.
-    pub(crate) fn walks(&self, sensors: &SensorSuite, hidden_noise: &[f64]) -> Vec<f64> {
+    pub(crate) fn walks(&self, sensors: &SensorSuite, effects: &EffectSet) -> Vec<f64> {
+        let mut hidden_noise = vec![0.0; effects.hidden_states()];
+        effects.hidden_noise(&mut hidden_noise);
         let mut walks = vec![0.0; self.size()];
         let gyro = self.gyro_bias().zip(&sensors.gyro.errors.bias_walk);
         let force = self.force_bias().zip(&sensors.accelerometer.errors.bias_walk);
-        let all = self.plant.hidden().zip(hidden_noise).chain(gyro).chain(force);
+        let all = self.plant.hidden().zip(&hidden_noise).chain(gyro).chain(force);
         all.for_each(|(i, walk)| walks[i] = walk * walk);
         walks
     }
 
-    /// What is not of disturbances: plant and biases.
     pub(crate) fn own(&self) -> impl Iterator<Item = usize> + Clone {
         (0..self.plant.size()).chain(self.moving()..self.size())
     }
 
     /// How many coordinates there are.
-    #[must_use]
     pub fn size(&self) -> usize {
-        self.force_bias().end
+        self.ends[3]
     }
-}
-
-fn after(start: usize, count: usize) -> Range<usize> {
-    start..start + count
 }

@@ -1,15 +1,16 @@
 //! A model a little further along a parameter, on the way of a filter.
 
-use nalgebra::{Vector3, Vector6};
+use nalgebra::Vector3;
 use whorl_dynamics::actuators::wheels::MAX_WHEELS;
-use whorl_dynamics::plant::{Acts, LinearisedPlant};
+use whorl_dynamics::plant::Acts;
 use whorl_dynamics::platform::SensorSuite;
 use whorl_dynamics::{Environment, Gyrostat, Plant, PlatformModel};
 
-use crate::inputs::commands::Commands;
+use crate::commands::Commands;
+use crate::driven_speeds::as_driven;
 use crate::perturbed::{Differs, Torque};
-use crate::prepared::{Prepared, as_driven, plant_before};
-use crate::refusal::PredictionError;
+use crate::prepared::plant_before;
+use crate::{PredictionError, Prepared, Push};
 
 /// A model a little further along a parameter.
 #[derive(Debug, Clone)]
@@ -35,17 +36,12 @@ pub(crate) struct Other<'a> {
     pub differs: Differs,
     /// What differs, where that is a torque that can be told from the filter's state alone.
     torque: Torque,
-    /// Its vector sensors are others.
     pub turns_vectors: bool,
-    /// What it does over the present step,
+    /// What it does over the present step, and how, where that shows in the filter's state: at every step in the same place.
     pub does: Does,
-    /// and how, where that shows in the filter's state: at every step in the same place.
     pub acts: Acts,
-    /// The torque on the body, body axes, and on the wheels that it makes more [N m],
-    pub body_n_m: Vector3<f64>,
-    pub wheels_n_m: [f64; MAX_WHEELS],
-    /// and what inertial sensors see more by it.
-    imu: Vector6<f64>,
+    /// The torques that it makes more, and what a gyro sees more by them.
+    pub pushes: Vec<Push>,
 }
 
 /// What a varied model does over a step.
@@ -82,8 +78,10 @@ impl<'a> Other<'a> {
         let has_own_low_pass = low_pass_s != [0.0; 2];
         let plant = plant.with_step_ns(case.difference_step_ns).for_differences(has_own_low_pass);
         let (plant, event) = commands.at_first_reading(plant, case.first_ns());
-        let turns_vectors = sensors.vector != of_case.model().sensors.vector;
-        let (mut differs, torque) = Differs::of(&own, of_case);
+        // Both without noise, and with the supplies of the run.
+        let of_plant = plant.gyrostat();
+        let turns_vectors = of_plant.model().sensors.vector != of_case.model().sensors.vector;
+        let (mut differs, torque) = Differs::of(of_plant, of_case);
         if has_own_low_pass || !own.model().gyros().is_empty() || !has_same_valves {
             differs = Differs::WithinSteps;
         } else if turns_vectors {
@@ -102,9 +100,7 @@ impl<'a> Other<'a> {
             torque,
             turns_vectors,
             does: Does::Step,
-            body_n_m: Vector3::zeros(),
-            wheels_n_m: [0.0; MAX_WHEELS],
-            imu: Vector6::zeros(),
+            pushes: Vec::new(),
         })
     }
 
@@ -136,28 +132,19 @@ impl<'a> Other<'a> {
         !comes && !self.plant.has_event_before(time_ns)
     }
 
-    /// As [`Commands::run_to`].
     pub fn run_to(&mut self, case: &Prepared<'_>, time_ns: i64) -> bool {
         let commands = self.commands.as_ref().unwrap_or(&case.commands);
         commands.run_to(&mut self.plant, &mut self.event, time_ns)
     }
 
-    /// Finds the torque that it makes more in the filter's state, of so many wheels.
+    /// Finds the torques that it makes more in the filter's state, of so many wheels.
     pub fn push(&mut self, environment: &Environment<'_>, wheels: usize) {
-        self.wheels_n_m = [0.0; MAX_WHEELS];
-        let wheels = &mut self.wheels_n_m[..wheels.min(MAX_WHEELS)];
-        (self.body_n_m, self.imu) = self.torque.in_state(environment, wheels);
+        let mut wheels_n_m = [0.0; MAX_WHEELS];
+        let (body_n_m, imu) = self.torque.in_state(environment, &mut wheels_n_m[..wheels]);
+        self.pushes.clear();
+        self.pushes.extend([Push::Body(body_n_m), Push::Gyro(imu.fixed_rows::<3>(0).into())]);
+        let of_wheels = wheels_n_m.into_iter().enumerate().filter(|(_, torque_n_m)| *torque_n_m != 0.0);
+        self.pushes.extend(of_wheels.map(|(position, torque_n_m)| Push::Wheel(position, torque_n_m)));
         self.does = Does::Push;
-    }
-
-    /// By how much what inertial sensors read less their predictions changes by that torque.
-    pub fn less_by_push(&self, plant: &Plant, linearised: &LinearisedPlant) -> Vector6<f64> {
-        let wheels = plant.gyrostat().model().wheels().iter().zip(&self.wheels_n_m);
-        let reaction: Vector3<f64> =
-            wheels.map(|(wheel, torque)| wheel.spin_axis_b.into_inner() * *torque).sum();
-        let force = linearised.force_by_torque * (self.body_n_m - reaction);
-        let mut less = -self.imu;
-        less.fixed_rows_mut::<3>(3).iter_mut().zip(&force).for_each(|(less, force)| *less -= force);
-        less
     }
 }

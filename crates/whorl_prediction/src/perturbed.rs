@@ -9,7 +9,8 @@ use whorl_dynamics::{Environment, Gyrostat, PlatformModel};
 /// A model a little further along a parameter than another.
 #[derive(Debug, Clone)]
 pub struct Perturbed {
-    gyrostat: Gyrostat,
+    /// The model.
+    pub gyrostat: Gyrostat,
     /// A torque on the body besides, body axes [N m].
     outside_b_n_m: Vector3<f64>,
     step: f64,
@@ -17,14 +18,14 @@ pub struct Perturbed {
 }
 
 /// What a perturbed model does otherwise in one state, per unit of its parameter.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Difference {
-    /// Nothing.
-    None,
-    /// An acceleration of the body, body axes, and of each wheel relative to it [rad/s^2].
-    Acceleration(Vector3<f64>, [f64; MAX_WHEELS]),
-    /// The gyro reads so much more [rad/s].
-    Gyro(Vector3<f64>),
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Difference {
+    /// Acceleration of the body, body axes [rad/s^2].
+    pub body_rad_s2: Vector3<f64>,
+    /// Of each wheel relative to it [rad/s^2].
+    pub wheels_rad_s2: [f64; MAX_WHEELS],
+    /// Of what the gyro reads [rad/s].
+    pub gyro_rad_s: Vector3<f64>,
 }
 
 /// A state of the model that is not perturbed, as effects see it, and how the model moves there.
@@ -70,33 +71,26 @@ impl Perturbed {
         Self { gyrostat: of.clone(), outside_b_n_m, step: 1.0, differs: Differs::InMotion }
     }
 
-    /// The model.
-    #[must_use]
-    pub fn gyrostat(&self) -> &Gyrostat {
-        &self.gyrostat
-    }
-
     /// What it does otherwise in a state.
     #[must_use]
-    pub fn in_state(&self, state: &InState<'_>) -> Difference {
-        let mut environment = Environment { model: self.gyrostat.model(), ..state.environment };
+    pub fn in_state(&self, of: &InState<'_>) -> Difference {
+        let (mut environment, mut found) = (of.environment, Difference::default());
+        environment.model = self.gyrostat.model();
         match self.differs {
-            Differs::InJets if state.jets_rest => Difference::None,
+            Differs::InJets if of.jets_rest => {}
             Differs::InReadings => {
-                let reading = gyro_rad_s(&self.gyrostat, &environment);
-                Difference::Gyro((reading - state.gyro_rad_s) / self.step)
+                found.gyro_rad_s = (gyro_rad_s(&self.gyrostat, &environment) - of.gyro_rad_s) / self.step;
             }
             _ => {
                 environment.omega_dot_wb_b_rad_s2 = Vector3::zeros();
-                let own = self.gyrostat.accelerations(&environment, state.hidden, &self.outside_b_n_m);
-                let of = &state.accelerations;
-                let wheels = |j: usize| (own.wheel_rad_s2[j] - of.wheel_rad_s2[j]) / self.step;
-                Difference::Acceleration(
-                    (own.omega_dot_wb_b_rad_s2 - of.omega_dot_wb_b_rad_s2) / self.step,
-                    std::array::from_fn(wheels),
-                )
+                let own = self.gyrostat.accelerations(&environment, of.hidden, &self.outside_b_n_m);
+                let of = &of.accelerations;
+                found.body_rad_s2 = (own.omega_dot_wb_b_rad_s2 - of.omega_dot_wb_b_rad_s2) / self.step;
+                let wheel = |j: usize| (own.wheel_rad_s2[j] - of.wheel_rad_s2[j]) / self.step;
+                found.wheels_rad_s2 = std::array::from_fn(wheel);
             }
         }
+        found
     }
 }
 
@@ -106,19 +100,15 @@ fn gyro_rad_s(gyrostat: &Gyrostat, environment: &Environment<'_>) -> Vector3<f64
     errors.ideal(&gyrostat.true_imu(environment).angular_velocity_b_rad_s) + errors.bias
 }
 
-/// In what a varied model differs from the filter's.
+/// In what a varied model differs from the filter's: in what sensors read of the same motion, in a torque on the body or its wheels, in what jets do
+/// while they push, anyhow; or its motion goes its own way within a step, by valves at other times, hidden states, another low-pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Differs {
-    /// Its motion goes its own way within a step: valves at other times, hidden states, another low-pass.
-    WithinSteps,
-    /// In what inertial and other sensors read of the same motion.
     InReadings,
-    /// In a torque on the body or its wheels.
     InTorque,
-    /// In what jets do while they push.
     InJets,
-    /// Anyhow.
     InMotion,
+    WithinSteps,
 }
 
 impl Differs {
@@ -149,67 +139,57 @@ impl Differs {
     }
 }
 
-/// By how much the torque differs with which a model moves that differs in nothing else: by the equation of motion, which is linear in
-/// inertia and gravity offset, and by the effects that make a torque.
+/// By how much the torque differs of a model that differs in nothing else: in inertia and gravity offset, in which the equation of motion is
+/// linear, and in effects that make a torque.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Torque {
     /// Of the inertia [kg m^2] and the gravity offset [N m], body axes.
     inertia_b: Matrix3<f64>,
     offset_b: Vector3<f64>,
-    /// Effects with their values in the one model and in the other; empty: not in it.
-    effects: Vec<(&'static dyn Effect, Vec<f64>, Vec<f64>)>,
+    /// Effects that are not in both models with the same values: 1 of the one, -1 of the other.
+    effects: Vec<(&'static dyn Effect, Vec<f64>, f64)>,
 }
 
 impl Torque {
     pub fn between(own: &Gyrostat, other: &Gyrostat) -> Self {
         let [mass, of] = [own, other].map(|of| &of.model().mass_properties);
-        let values = |gyrostat: &Gyrostat, id: &str| {
-            let found = gyrostat.effects().iter().find(|e| e.effect().info().id == id);
-            found.map_or_else(Vec::new, |e| e.values().to_vec())
+        let beyond = |own: &Gyrostat, other: &Gyrostat, sign: f64| {
+            let all = other.effects();
+            let has = |id: &str, values: &[f64]| {
+                all.iter().any(|e| e.effect().info().id == id && e.values() == values)
+            };
+            let not_alike = own.effects().iter().filter(|e| !has(e.effect().info().id, e.values()));
+            not_alike.map(|e| (e.effect(), e.values().to_vec(), sign)).collect::<Vec<_>>()
         };
-        let mut effects: Vec<(&'static dyn Effect, Vec<f64>, Vec<f64>)> = Vec::new();
-        for effect in own.effects().iter().chain(other.effects().iter()).map(|e| e.effect()) {
-            let id = effect.info().id;
-            let pair = (values(own, id), values(other, id));
-            if pair.0 != pair.1 && !effects.iter().any(|(known, ..)| known.info().id == id) {
-                effects.push((effect, pair.0, pair.1));
-            }
-        }
         Self {
             inertia_b: mass.inertia_b_kg_m2() - of.inertia_b_kg_m2(),
             offset_b: mass.gravity_offset_b_n_m() - of.gravity_offset_b_n_m(),
-            effects,
+            effects: [beyond(own, other, 1.0), beyond(other, own, -1.0)].concat(),
         }
     }
 
     /// On the body, body axes, and added to those on the wheels [N m], in a state with this angular acceleration; and what inertial sensors see more.
-    pub fn in_state(
-        &self,
-        environment: &Environment<'_>,
-        wheels: &mut [f64],
-    ) -> (Vector3<f64>, Vector6<f64>) {
-        let (omega, omega_dot) = (environment.omega_wb_b_rad_s, environment.omega_dot_wb_b_rad_s2);
+    pub fn in_state(&self, of: &Environment<'_>, wheels: &mut [f64]) -> (Vector3<f64>, Vector6<f64>) {
+        let (omega, omega_dot) = (of.omega_wb_b_rad_s, of.omega_dot_wb_b_rad_s2);
         let (mut torque, mut seen) = (Vector3::zeros(), Vector6::zeros());
         if self.inertia_b != Matrix3::zeros() {
             torque -= self.inertia_b * omega_dot + omega.cross(&(self.inertia_b * omega));
         }
-        if environment.model.freedom.has_weight() {
-            torque -= self.offset_b.cross(&environment.vertical_b);
+        if of.model.freedom.has_weight() {
+            torque -= self.offset_b.cross(&of.vertical_b);
         }
-        for (effect, own, other) in self.effects.iter().filter(|(effect, ..)| !effect.is_correction()) {
-            for (values, sign) in [(own, 1.0), (other, -1.0)].into_iter().filter(|(of, _)| !of.is_empty()) {
-                torque += effect.torque_b_n_m(values, environment, &[]) * sign;
-                let mut of_wheels = [0.0; MAX_WHEELS];
-                let slots = &mut of_wheels[..wheels.len().min(MAX_WHEELS)];
-                effect.add_wheel_torque_n_m(values, environment, slots);
-                wheels.iter_mut().zip(slots).for_each(|(sum, of)| *sum += sign * *of);
-                let (angular_velocity_b_rad_s, specific_force_b_m_s2) = (omega, Vector3::zeros());
-                let mut imu = TrueImu { angular_velocity_b_rad_s, specific_force_b_m_s2 };
-                effect.measure_imu(values, environment, &mut imu);
-                let rate = imu.angular_velocity_b_rad_s - omega;
-                let of_imu = rate.iter().chain(&imu.specific_force_b_m_s2);
-                seen.iter_mut().zip(of_imu).for_each(|(sum, of)| *sum += sign * of);
-            }
+        for (effect, values, sign) in self.effects.iter().filter(|(effect, ..)| !effect.is_correction()) {
+            torque += effect.torque_b_n_m(values, of, &[]) * *sign;
+            let mut of_wheels = [0.0; MAX_WHEELS];
+            let slots = &mut of_wheels[..wheels.len().min(MAX_WHEELS)];
+            effect.add_wheel_torque_n_m(values, of, slots);
+            wheels.iter_mut().zip(slots).for_each(|(sum, of)| *sum += sign * *of);
+            let (angular_velocity_b_rad_s, specific_force_b_m_s2) = (omega, Vector3::zeros());
+            let mut imu = TrueImu { angular_velocity_b_rad_s, specific_force_b_m_s2 };
+            effect.measure_imu(values, of, &mut imu);
+            let rate = imu.angular_velocity_b_rad_s - omega;
+            let more = rate.iter().chain(&imu.specific_force_b_m_s2);
+            seen.iter_mut().zip(more).for_each(|(sum, more)| *sum += sign * more);
         }
         (torque, seen)
     }

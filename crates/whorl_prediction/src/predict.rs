@@ -2,16 +2,11 @@
 
 use nalgebra::DVector;
 use whorl_dynamics::Plant;
-use whorl_recording::Component;
 
-use crate::filter::{Filter, Likelihood};
-use crate::fitted::FittedStart;
-use crate::innovations::Innovation;
-use crate::inputs::commands::ns;
-use crate::noise::Noise;
-use crate::prepared::Prepared;
+use crate::commands::ns;
+use crate::filter::Filter;
 use crate::rows::{Readings, Row};
-use crate::start::Start;
+use crate::{FittedStart, Innovation, Likelihood, Noise, Prepared, Start};
 
 /// What is told while a recording is predicted, in the order of the instants.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,9 +29,16 @@ pub fn predict(
     let mut sums = Likelihood::default();
     let mut filter = Filter::new(case, noise, start);
     filter.gains.claim(horizons_s.len());
-    let last = horizons_s.len().saturating_sub(1);
-    let mut aheads: Vec<Ahead> =
-        horizons_s.iter().enumerate().map(|(k, horizon_s)| Ahead::new(k, *horizon_s, k == last)).collect();
+    let ahead = |(position, horizon_s): (usize, &f64)| Ahead {
+        position,
+        horizon_ns: ns(*horizon_s).max(1),
+        is_shown: position + 1 == horizons_s.len(),
+        end_ns: i64::MIN,
+        plant: filter.mean.plant.clone(),
+        event: 0,
+        beside: start.beside.clone(),
+    };
+    let mut aheads: Vec<Ahead> = horizons_s.iter().enumerate().map(ahead).collect();
     let mut readings = Readings::default();
     while filter.go() {
         for (position, ahead) in aheads.iter_mut().enumerate() {
@@ -47,17 +49,16 @@ pub fn predict(
             sums.add(innovation);
             told(Told::Innovation(innovation));
         });
-        if filter.is_lost() {
+        if filter.mean.lost {
             break;
         }
         aheads.iter_mut().for_each(|ahead| ahead.begin(&mut filter));
     }
-    sums.lost = filter.is_lost();
+    sums.lost = filter.mean.lost;
     sums
 }
 
-/// What the model alone says of a whole recording from its fitted start: reading after reading, with the deviations that it
-/// claims. False where the motion is lost on the way.
+/// What the model alone says of a whole recording from its fitted start, with the deviations that it claims. False where the motion is lost on the way.
 pub fn simulate(
     case: &Prepared<'_>,
     noise: &Noise,
@@ -74,24 +75,7 @@ pub fn simulate(
             told(&AheadError::of(row, filter.mean.plant.now_ns(), variance, false));
         }
     }
-    !filter.is_lost()
-}
-
-pub(crate) struct Ahead {
-    /// Of the covariances that go along ([`crate::gains::Gains::ahead`]).
-    position: usize,
-    horizon_ns: i64,
-    /// Every reading on the way is told, not only those at the horizon.
-    is_shown: bool,
-    stretch: Option<Stretch>,
-}
-
-struct Stretch {
-    plant: Plant,
-    event: usize,
-    /// Biases as they were; no disturbance.
-    beside: DVector<f64>,
-    from_ns: i64,
+    !filter.mean.lost
 }
 
 /// The error of a prediction ahead.
@@ -106,72 +90,69 @@ pub struct AheadError {
 }
 
 impl AheadError {
-    /// Of a reading at this instant \[ns\], whose error has this variance.
-    pub(crate) fn of(row: &Row, at_ns: i64, variance: f64, is_at_horizon: bool) -> Self {
-        let (component, sample, value): (Component, usize, f64) = (row.component, row.sample, row.value);
+    fn of(row: &Row, at_ns: i64, variance: f64, is_at_horizon: bool) -> Self {
+        let Row { component, sample, value, reading, .. } = *row;
         let error =
             Innovation { time_s: at_ns as f64 * 1e-9, component, sample, value, stddev: variance.sqrt() };
-        Self { error, reading: row.reading, is_at_horizon }
+        Self { error, reading, is_at_horizon }
     }
 }
 
-impl Ahead {
-    pub fn new(position: usize, horizon_s: f64, is_shown: bool) -> Self {
-        Self { position, horizon_ns: ns(horizon_s).max(1), is_shown, stretch: None }
-    }
+/// Predictions ahead by the model alone, one stretch behind the other.
+struct Ahead {
+    /// Of the covariances that go along ([`crate::gains::Gains::ahead`]).
+    position: usize,
+    horizon_ns: i64,
+    /// Every reading on the way is told, not only those at the horizon.
+    is_shown: bool,
+    /// Where the present stretch ends; not yet, or its motion is lost: long ago.
+    end_ns: i64,
+    plant: Plant,
+    event: usize,
+    /// Biases as they were; no disturbance.
+    beside: DVector<f64>,
+}
 
+impl Ahead {
     /// A filter has gone to the next instant and not yet taken in what is due there.
-    pub fn follow(
-        &mut self,
-        filter: &Filter<'_>,
-        readings: &mut Readings,
-        told: &mut dyn FnMut(&AheadError),
-    ) {
-        let Some(stretch) = &mut self.stretch else { return };
+    fn follow(&mut self, filter: &Filter<'_>, readings: &mut Readings, told: &mut dyn FnMut(&AheadError)) {
         let (mean, gains, case) = (&filter.mean, &filter.gains, filter.mean.case);
-        let now_ns = mean.plant.now_ns();
-        let end_ns = stretch.from_ns + self.horizon_ns;
-        if now_ns > end_ns {
-            self.stretch = None;
-            return;
-        }
+        let (now_ns, end_ns) = (mean.plant.now_ns(), self.end_ns);
         let is_at_horizon = |track: usize, sample: usize| {
             let following = case.tracks.get(track).and_then(|track| track.instant_ns(sample + 1));
             following.is_some_and(|next_ns| next_ns > end_ns)
         };
-        if !(self.is_shown || mean.due.iter().any(|(track, sample)| is_at_horizon(*track, *sample))) {
+        let is_asked = self.is_shown || mean.due.iter().any(|(track, sample)| is_at_horizon(*track, *sample));
+        if now_ns > end_ns || !is_asked {
             return;
         }
-        if !case.commands.run_to(&mut stretch.plant, &mut stretch.event, now_ns) {
-            self.stretch = None;
+        if !case.commands.run_to(&mut self.plant, &mut self.event, now_ns) {
+            self.end_ns = i64::MIN;
             return;
         }
-        stretch.plant.average_readings(case.mean_inputs(now_ns));
-        mean.read_of(&stretch.plant, stretch.beside.as_slice(), Some(&gains.linearised), readings);
+        self.plant.average_readings(case.mean_inputs(now_ns));
+        mean.read_of(&self.plant, &self.beside, Some(&gains.linearised), readings);
         for (r, row) in readings.rows.iter().enumerate() {
             let is_at_horizon = is_at_horizon(row.track, row.sample);
             if self.is_shown || is_at_horizon {
                 let of_state = gains.ahead[self.position].variance(readings.by_state.row(r));
-                let variance = of_state + readings.variances[r];
-                told(&AheadError::of(row, now_ns, variance, is_at_horizon));
+                told(&AheadError::of(row, now_ns, of_state + readings.variances[r], is_at_horizon));
             }
         }
     }
 
-    /// A filter has taken in what was due: begins where the last prediction has ended.
-    pub fn begin(&mut self, filter: &mut Filter<'_>) {
-        let mean = &filter.mean;
-        let now_ns = mean.plant.now_ns();
-        // The next stretch begins with the first reading that is not before the end of this one.
-        if self.stretch.as_ref().is_some_and(|stretch| now_ns < stretch.from_ns + self.horizon_ns) {
+    /// A filter has taken in what was due: the next stretch begins with the first reading that is not before the end of this one.
+    fn begin(&mut self, filter: &mut Filter<'_>) {
+        let Filter { mean, gains, .. } = filter;
+        let (now_ns, layout) = (mean.plant.now_ns(), mean.layout);
+        if now_ns < self.end_ns {
             return;
         }
-        let layout = mean.layout;
-        let mut beside = mean.beside.clone();
-        let mut plant = mean.plant.clone();
-        plant.clear_disturbances();
-        beside.rows_range_mut(layout.plant.size()..layout.moving()).fill(0.0);
-        self.stretch = Some(Stretch { plant, event: mean.event, beside, from_ns: now_ns });
-        filter.gains.begin_ahead(self.position);
+        self.plant.clone_from(&mean.plant);
+        self.plant.clear_disturbances();
+        self.beside.copy_from(&mean.beside);
+        self.beside.rows_range_mut(layout.plant.size()..layout.moving()).fill(0.0);
+        (self.event, self.end_ns) = (mean.event, now_ns + self.horizon_ns);
+        gains.begin_ahead(self.position);
     }
 }

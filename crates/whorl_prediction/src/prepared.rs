@@ -1,31 +1,26 @@
 //! A recording and a model, ready to be predicted.
 
-use std::borrow::Cow;
-
-use crate::cells::cell_ends_ns;
-use crate::inputs::commands::{Commands, ns};
-use crate::inputs::driven_speeds::DrivenSpeeds;
-use crate::inputs::quiet;
-use crate::inputs::wheel_torque::{along_speeds, go_along_speeds};
-use crate::refusal::{Why, counts};
-use nalgebra::{Unit, Vector3};
+use nalgebra::Vector3;
 use whorl_dynamics::plant::{LinearisedPlant, MeanInputs};
 use whorl_dynamics::{Gyrostat, InitialState, Plant, PlatformModel};
 use whorl_math::lanes::fastest_rate_1_s;
-use whorl_recording::{Component, Mounting, Recording};
+use whorl_math::line::Line;
+use whorl_recording::{Channel, Component, Mounting, Recording, Series};
 
-use crate::readings::{Track, tracks};
-use crate::refusal::PredictionError;
-use crate::settings::Settings;
+use crate::commands::{Commands, ns};
+use crate::driven_speeds::{DrivenSpeeds, as_driven, go_along_speeds};
+use crate::readings::{Track, cell_ends_ns, tracks};
+use crate::refusal::counts;
+use crate::{PredictionError, Settings, Why};
 
-/// Largest integration step while something touches, or nearly does \[s\]: a twentieth of a radian of the bearing's own stop. Valve edges
-/// and commands are integration points anyway.
+/// Largest integration step while something touches, or nearly does \[s\]: a twentieth of a radian of the bearing's own stop.
 const STEP_AT_CONTACTS_S: f64 = 2.5e-3;
-/// Of any: this share of the time of its fastest motion. A Runge-Kutta step over a twentieth of a radian errs by 3e-9 of the
-/// motion, ten minutes of a motion at 1 Hz by 2e-4 of a radian if nothing corrected it.
+/// Of any: this share of the time of its fastest motion. A Runge-Kutta step errs by 3e-9 of that, ten minutes at 1 Hz uncorrected by 2e-4 of a radian.
 const SHARE_OF_MOTION: f64 = 0.05;
 const SHORTEST_STEP_NS: i64 = 50_000;
 const LONGEST_STEP_S: f64 = 1.0;
+/// How long a recording must be for its supplies to show how they drift \[s\].
+const LONG_S: f64 = 30.0;
 
 /// A recording and a model, ready to be predicted.
 pub struct Prepared<'a> {
@@ -43,17 +38,12 @@ pub struct Prepared<'a> {
     pub(crate) fastest_1_s: f64,
     /// Largest step of plants whose difference is wanted and not their motion \[ns\].
     pub(crate) difference_step_ns: i64,
-    /// The command that comes first after the first reading.
     pub(crate) event: usize,
     pub(crate) tracks: Vec<Track<'a>>,
     /// The last instants of cells of readings \[ns\]; none: every instant is one.
     pub(crate) cell_ends_ns: Vec<i64>,
-    /// Density of the random walk of each hidden state of its effects.
-    pub(crate) hidden_noise: Vec<f64>,
-    /// Of each wheel that is driven along its measured speeds: root of the power density of its momentum's noise, body axes [N m s per
-    /// root of Hz].
+    /// Of each wheel that is driven along its speeds: root of the power density of its momentum's noise, body axes [N m s per root of Hz].
     pub(crate) driven_momentum_roots: Vec<Vector3<f64>>,
-    /// Only the wheels move.
     pub(crate) clamped: bool,
     pub(crate) settings: Settings,
 }
@@ -69,38 +59,37 @@ impl<'a> Prepared<'a> {
         settings: Settings,
     ) -> Result<Self, PredictionError> {
         counts(recording, model).map_err(|why| why.of(recording))?;
-        let model = as_driven(recording, model);
-        let gyrostat = Gyrostat::new(&model)?;
+        let given = as_driven(recording, model);
+        let gyrostat = Gyrostat::new(&given)?;
+        let model = gyrostat.model().clone();
         let clamped = recording.mounting == Mounting::Clamped || !model.freedom.turns();
         let wheels = model.wheels().len();
-        let tracks = tracks(recording, &gyrostat.model().sensors, clamped, wheels);
+        let tracks = tracks(recording, &model.sensors, clamped, wheels);
         let first = tracks.iter().filter_map(|track| track.instant_ns(0)).min();
-        let Some(first_ns) = first else {
-            return Err(Why::NothingToPredict.of(recording).into());
-        };
-        let cell_ends_ns = cell_ends_ns(&tracks, recording, settings.cell_s);
+        let first_ns = first.ok_or_else(|| {
+            let what = "nothing was recorded that the model predicts".to_owned();
+            Why::Unusable(what, "a rate, a force, a direction, or a wheel's speed with its command")
+                .of(recording)
+        })?;
         let driven = go_along_speeds(recording).then(|| DrivenSpeeds::of(recording));
         let commands = Commands::along(recording, &gyrostat, driven.as_ref());
-        let mut hidden_noise = vec![0.0; gyrostat.effects().hidden_states()];
-        gyrostat.effects().hidden_noise(&mut hidden_noise);
-        let plant = plant_before(recording, &model, &commands, first_ns, clamped)?;
-        // As it moves when it moves as fast as it ever was read to.
+        let plant = plant_before(recording, &given, &commands, first_ns, clamped)?;
         let (mut moving, (rate, speeds)) = (plant.clone(), fastest(recording, wheels));
         let _ = moving.set_motion(&plant.state().q_world_body, &rate, &speeds);
         let mut linearised = LinearisedPlant::none(&moving);
         moving.linearise_into(&mut linearised, false);
-        let moving = fastest_rate_1_s(&linearised.rate_by_state);
-        let fastest_1_s = moving.max(swings_1_s(&model));
-        let difference_step_ns = longest_step_ns(LONGEST_STEP_S, fastest_1_s);
+        let fastest_1_s = fastest_rate_1_s(&linearised.rate_by_state).max(swings_1_s(&given));
+        let difference_step_ns = ns(LONGEST_STEP_S.min(SHARE_OF_MOTION / fastest_1_s)).max(SHORTEST_STEP_NS);
         let plant = plant.with_step_ns(difference_step_ns).with_contact_step_ns(ns(STEP_AT_CONTACTS_S));
         let (plant, event) = commands.at_first_reading(plant, first_ns);
-        let corrected = gyrostat.model().clone();
-        let driven_momentum_roots =
-            driven.as_ref().map_or_else(Vec::new, |speeds| momentum_roots(speeds, &corrected));
+        let roots = driven.iter().flat_map(|speeds| model.wheels().iter().zip(&speeds.noise_root));
+        let roots = roots.map(|(wheel, root)| *wheel.spin_axis_b * (wheel.spin_inertia_kg_m2 * root));
         Ok(Self {
+            driven_momentum_roots: roots.collect(),
+            cell_ends_ns: cell_ends_ns(&tracks, recording, settings.cell_s),
             recording,
-            given: model.into_owned(),
-            model: corrected,
+            given,
+            model,
             commands,
             driven,
             plant,
@@ -108,34 +97,22 @@ impl<'a> Prepared<'a> {
             difference_step_ns,
             event,
             tracks,
-            cell_ends_ns,
-            hidden_noise,
-            driven_momentum_roots,
             clamped,
             settings,
         })
     }
 
     /// The recording.
-    #[must_use]
     pub fn recording(&self) -> &'a Recording {
         self.recording
     }
 
     /// The model, its constants corrected by its effects.
-    #[must_use]
     pub fn model(&self) -> &PlatformModel {
         &self.model
     }
 
-    /// The commands of the run.
-    #[must_use]
-    pub fn commands(&self) -> &Commands<'a> {
-        &self.commands
-    }
-
     /// The numbers that it is predicted with.
-    #[must_use]
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
@@ -146,9 +123,12 @@ impl<'a> Prepared<'a> {
     }
 
     /// Whether only the wheels move.
-    #[must_use]
     pub fn is_clamped(&self) -> bool {
         self.clamped
+    }
+
+    pub(crate) fn reads(&self, channel: Channel) -> bool {
+        self.tracks.iter().any(|track| track.channel == channel)
     }
 
     pub(crate) fn first_ns(&self) -> i64 {
@@ -173,26 +153,9 @@ impl<'a> Prepared<'a> {
         self.cell_ends_ns.get(next).copied().unwrap_or(instant_ns)
     }
 
-    /// As [`Commands::mean_inputs`].
     pub(crate) fn mean_inputs(&self, instant_ns: i64) -> Option<MeanInputs> {
         self.commands.mean_inputs(&self.model.sensors, instant_ns)
     }
-
-    /// Direction in the world of what a vector sensor sees.
-    pub(crate) fn reference(&self, sensor: usize) -> Option<Unit<Vector3<f64>>> {
-        self.recording.vectors.get(sensor).map(|vector| vector.reference_world)
-    }
-}
-
-/// A model as its wheels go in a recording: by the commands, or along their measured speeds.
-pub(crate) fn as_driven<'m>(recording: &Recording, model: &'m PlatformModel) -> Cow<'m, PlatformModel> {
-    if go_along_speeds(recording) { Cow::Owned(along_speeds(model)) } else { Cow::Borrowed(model) }
-}
-
-/// Of each wheel that is driven along its measured speeds.
-fn momentum_roots(speeds: &DrivenSpeeds, model: &PlatformModel) -> Vec<Vector3<f64>> {
-    let wheels = model.wheels().iter().zip(&speeds.noise_root);
-    wheels.map(|(wheel, root)| wheel.spin_axis_b.into_inner() * (wheel.spin_inertia_kg_m2 * root)).collect()
 }
 
 /// A plant that stands at the first command of a recording, or at its first reading if that is before: until then nothing happens.
@@ -205,20 +168,18 @@ pub(crate) fn plant_before(
 ) -> Result<Plant, PredictionError> {
     let time_ns = commands.event_ns(0).map_or(first_ns, |command_ns| command_ns.min(first_ns));
     let begun = InitialState { time_ns, ..InitialState::default() };
-    let quiet = quiet(model, recording);
-    let mut plant = Plant::new(&quiet, &begun, 0)?.without_random_torque().without_latency();
+    let mut plant =
+        Plant::new(&quiet(model, recording), &begun, 0)?.without_random_torque().without_latency();
     plant.set_clamped(clamped);
     Ok(plant)
 }
 
 /// How fast weight lets the body swing at most, whatever its attitude [rad/s].
 fn swings_1_s(model: &PlatformModel) -> f64 {
-    if !model.freedom.has_weight() {
-        return 0.0;
-    }
     let properties = &model.mass_properties;
     let least_kg_m2 = properties.inertia_b_kg_m2().symmetric_eigenvalues().min();
-    (properties.gravity_offset_b_n_m().norm() / least_kg_m2).sqrt()
+    let swings = (properties.gravity_offset_b_n_m().norm() / least_kg_m2).sqrt();
+    if model.freedom.has_weight() { swings } else { 0.0 }
 }
 
 /// The fastest rate of the body, body axes, and of each wheel that was read [rad/s].
@@ -226,13 +187,33 @@ pub(crate) fn fastest(recording: &Recording, wheels: usize) -> (Vector3<f64>, Ve
     let rates = recording.gyro_b_rad_s.value.iter().copied();
     let rate = rates.max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared())).unwrap_or_default();
     let speeds = || recording.wheel_speed_rad_s.value.iter();
-    let of_wheel =
-        |j: usize| speeds().filter_map(move |speeds| speeds.get(j).copied().filter(|x| x.is_finite()));
-    let fastest = |j| of_wheel(j).max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0);
+    let of_wheel = |j: usize| speeds().filter_map(move |speeds| speeds.get(j).filter(|x| x.is_finite()));
+    let fastest = |j| of_wheel(j).copied().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0);
     (rate, (0..wheels).map(fastest).collect())
 }
 
-/// Largest integration step \[ns\] for a motion as fast as this [1/s].
-fn longest_step_ns(longest_s: f64, fastest_1_s: f64) -> i64 {
-    ns(longest_s.min(SHARE_OF_MOTION / fastest_1_s)).max(SHORTEST_STEP_NS)
+/// The model without noise, with the supplies of this run: temperature, tank pressure and bus voltage as they were recorded.
+pub(crate) fn quiet(model: &PlatformModel, recording: &Recording) -> PlatformModel {
+    let mut quiet = model.clone();
+    quiet.sensors.silence();
+    let is_long = recording.duration_s() > LONG_S;
+    // Value at time zero and slope of the least-squares line.
+    let trend = |series: &Series<f64>| {
+        let line = Line::through(series.time_s.iter().copied().zip(series.value.iter().copied()))?;
+        Some((line.at(0.0), if is_long { line.slope } else { 0.0 }))
+    };
+    if let Some(line) = trend(&recording.temperature_k) {
+        (quiet.sensors.ambient_temperature_k, quiet.sensors.temperature_drift_k_s) = line;
+    }
+    let pressures = &recording.tank_pressure_pa.value;
+    if let Some(first) = pressures.get(..pressures.len().min(5)).filter(|p| !p.is_empty()) {
+        quiet.tank_mut().fill_to(first.iter().sum::<f64>() / first.len() as f64);
+    }
+    if let Some((start_v, slope_v_s)) = trend(&recording.bus_voltage_v) {
+        let commands = &recording.wheel_torque_command_n_m.value;
+        let load_n_m = commands.iter().flatten().map(|x| x.abs()).sum::<f64>() / commands.len().max(1) as f64;
+        quiet.bus.initial_v = start_v + quiet.bus.sag_v_n_m * load_n_m;
+        quiet.bus.discharge_v_s = -slope_v_s;
+    }
+    quiet
 }

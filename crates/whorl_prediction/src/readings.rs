@@ -1,10 +1,18 @@
-//! All readings of a recording in the order of the instants that they show (METHOD.md, "Readings").
+//! All readings of a recording in the order of the instants that they show, and which are taken in together, as their means (METHOD.md, "Readings").
 
 use nalgebra::Vector3;
 use whorl_dynamics::platform::SensorSuite;
 use whorl_recording::{Channel, ChannelSeries, Component, Recording};
 
-use crate::inputs::commands::ns;
+use crate::commands::ns;
+
+/// Behind a command of a valve each reading is taken in by itself for so long \[s\]: most valves move within it, which the beginning of a step does not tell.
+const VALVE_S: f64 = 0.02;
+
+/// Of the time within which a random torque comes and goes: its mean over a cell is known from its end to a hundredth of its variance.
+pub(crate) const SHARE_OF_TIME: f64 = 1.0 / 6.0;
+/// Radians of the fastest motion: of exp(-A t) the terms that are left out are a twentieth of a hundredth.
+pub(crate) const SHARE_OF_MOTION_RAD: f64 = 0.25;
 
 pub(crate) struct Track<'a> {
     pub channel: Channel,
@@ -47,40 +55,28 @@ pub(crate) fn tracks<'a>(
     clamped: bool,
     wheels: usize,
 ) -> Vec<Track<'a>> {
-    let commanded = !recording.wheel_torque_command_n_m.is_empty();
-    let vectors = recording.vectors.len();
+    let [gyro, force] = [&sensors.gyro.errors, &sensors.accelerometer.errors];
+    let on_body = |count: usize| if clamped { 0 } else { count };
+    let (vectors, vector_s) = (recording.vectors.len(), sensors.vector.map_or(0.0, |v| v.latency_s));
+    // Without commands the model's wheels are driven along their measured speeds.
+    let commanded = usize::from(!recording.wheel_torque_command_n_m.is_empty());
+    let forces = usize::from(sensors.accelerometer.fitted);
     let all = [
-        (Channel::Gyro, usize::from(!clamped), sensors.gyro.errors.latency_s, sensors.gyro.errors.range),
-        (
-            Channel::Accelerometer,
-            usize::from(!clamped && sensors.accelerometer.fitted),
-            sensors.accelerometer.errors.latency_s,
-            sensors.accelerometer.errors.range,
-        ),
-        (
-            Channel::Vector,
-            if clamped { 0 } else { vectors },
-            sensors.vector.map_or(0.0, |v| v.latency_s),
-            f64::INFINITY,
-        ),
-        // Without commands the model's wheels are driven along their measured speeds.
-        (Channel::WheelSpeed, usize::from(commanded), 0.0, f64::INFINITY),
+        (Channel::Gyro, on_body(1), gyro.latency_s, gyro.range),
+        (Channel::Accelerometer, on_body(forces), force.latency_s, force.range),
+        (Channel::Vector, on_body(vectors), vector_s, f64::INFINITY),
+        (Channel::WheelSpeed, commanded, 0.0, f64::INFINITY),
     ];
-    let mut tracks = Vec::new();
-    for (channel, count, latency_s, range) in all {
-        for sensor in 0..count {
-            let Some(series) = recording.series(channel, sensor) else { continue };
-            let components: Vec<Component> = Component::of(channel, sensor, wheels)
-                .filter(|component| recording.measures(*component))
-                .collect();
-            if series.time_s().is_empty() || components.is_empty() {
-                continue;
-            }
+    let sensors = all.into_iter().flat_map(|(channel, count, latency_s, range)| {
+        (0..count).filter_map(move |sensor| {
+            let series = recording.series(channel, sensor)?;
+            let measured = |component: &Component| recording.measures(*component);
+            let components = Component::of(channel, sensor, wheels).filter(measured).collect();
             let (time_s, latency_ns) = (series.time_s(), ns(latency_s));
-            tracks.push(Track { channel, sensor, time_s, series, components, latency_ns, range });
-        }
-    }
-    tracks
+            Some(Track { channel, sensor, time_s, series, components, latency_ns, range })
+        })
+    });
+    sensors.filter(|track| !track.time_s.is_empty() && !track.components.is_empty()).collect()
 }
 
 /// Where each track is, on the way through a recording.
@@ -94,17 +90,67 @@ impl Cursor {
         Self { next: vec![0; tracks.len()] }
     }
 
-    /// The next instant at which anything was read \[ns\].
     pub fn instant_ns(&self, tracks: &[Track<'_>]) -> Option<i64> {
         tracks.iter().zip(&self.next).filter_map(|(track, k)| track.instant_ns(*k)).min()
     }
 
-    /// Track and sample of the next reading at this instant, or before.
-    pub fn take(&mut self, tracks: &[Track<'_>], instant_ns: i64) -> Option<(usize, usize)> {
-        let mut due = tracks.iter().zip(&mut self.next).enumerate();
-        let (position, (_, k)) =
-            due.find(|(_, (track, k))| track.instant_ns(**k).is_some_and(|t| t <= instant_ns))?;
-        *k += 1;
-        Some((position, *k - 1))
+    /// Track and sample of all readings up to this instant, which it passes.
+    pub fn take(&mut self, tracks: &[Track<'_>], instant_ns: i64, due: &mut Vec<(usize, usize)>) {
+        due.clear();
+        for (position, (track, k)) in tracks.iter().zip(&mut self.next).enumerate() {
+            while track.instant_ns(*k).is_some_and(|t| t <= instant_ns) {
+                due.push((position, *k));
+                *k += 1;
+            }
+        }
     }
+}
+
+/// The last instant of each cell \[ns\]; none: every instant is one. Cells are the recording's own, so that all models are asked for the same numbers.
+pub(crate) fn cell_ends_ns(tracks: &[Track<'_>], recording: &Recording, cell_s: f64) -> Vec<i64> {
+    let (mut ends, cell_ns) = (Vec::new(), ns(cell_s));
+    if cell_ns <= 0 {
+        return ends;
+    }
+    let (edges_ns, commands_ns) = (edges_ns(recording), commands_ns(recording));
+    let comes = |all: &[i64], from_ns: i64, to_ns: i64| {
+        let next = all.partition_point(|time_ns| *time_ns < from_ns);
+        all.get(next).is_some_and(|time_ns| *time_ns < to_ns)
+    };
+    let (mut cursor, mut first_ns, mut before_ns) = (Cursor::new(tracks), i64::MIN, i64::MIN);
+    let (mut is_open, mut was_alone, mut due) = (false, false, Vec::new());
+    while let Some(instant_ns) = cursor.instant_ns(tracks) {
+        cursor.take(tracks, instant_ns, &mut due);
+        let is_alone = is_open && comes(&edges_ns, before_ns - ns(VALVE_S), instant_ns + 1);
+        let is_told = is_open && comes(&commands_ns, before_ns, instant_ns);
+        if is_open && !was_alone && !is_alone && !is_told && instant_ns - first_ns < cell_ns {
+            ends.pop();
+        } else {
+            first_ns = instant_ns;
+        }
+        ends.push(instant_ns);
+        (is_open, was_alone, before_ns) = (true, is_alone, instant_ns);
+    }
+    ends
+}
+
+/// When wheels are told something else \[ns\]. A controller may have answered to what was read just before: what is read behind that is taken in later.
+fn commands_ns(recording: &Recording) -> Vec<i64> {
+    let wheels = &recording.wheel_torque_command_n_m;
+    let told = wheels.time_s.iter().zip(&wheels.value);
+    let mut before = None;
+    told.filter(|(_, now)| before.replace(*now) != Some(*now)).map(|(t, _)| ns(*t)).collect()
+}
+
+/// When anything is told to the platform that moves it at once and wholly, or moves its valves \[ns\], in order.
+fn edges_ns(recording: &Recording) -> Vec<i64> {
+    let pulses = recording.jet_pulses.iter().flatten().flat_map(|pulse| [pulse.on_s, pulse.off_s]);
+    let others = [
+        &recording.ballast_moment_b_n_m.time_s,
+        &recording.body_torque_b_n_m.time_s,
+        &recording.gimbal_angle_rad.time_s,
+    ];
+    let mut edges: Vec<i64> = pulses.chain(others.into_iter().flatten().copied()).map(ns).collect();
+    edges.sort_unstable();
+    edges
 }

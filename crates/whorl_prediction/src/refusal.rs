@@ -6,13 +6,11 @@ use whorl_dynamics::platform::TiltLimit;
 use whorl_dynamics::{Freedom, GyrostatError, PlantError, PlatformModel};
 use whorl_recording::{Mounting, Recording};
 
-/// Fewest samples of the channel that is predicted.
 const FEWEST_SAMPLES: usize = 50;
 /// RMS rate that no platform on a bearing reaches [rad/s], and the limit of any rig as a multiple of the gyro's range.
 const FASTEST_RAD_S: f64 = 20.0;
 const FASTEST_RANGES: f64 = 20.0;
-/// Plausible mean specific force of a platform on its bearing [m/s^2]: 9.81, with margins for tilt and a wrong scale
-/// factor.
+/// Plausible mean specific force of a platform on its bearing [m/s^2]: 9.81, with margins for tilt and a wrong scale factor.
 const FORCE_M_S2: std::ops::RangeInclusive<f64> = 6.0..=14.0;
 
 /// Why a recording cannot be used, with advice.
@@ -37,11 +35,6 @@ pub enum Why {
     /// So many readings of a channel are too few, and so many are needed, however long it is.
     #[error("{1} readings of the {0} are too few; record at least {2}")]
     TooFew(&'static str, usize, usize),
-    /// A channel of a sensor that the model does not describe, and the group of parameters that would.
-    #[error(
-        "there are {0} data, and the model says nothing of this sensor; add the group {1} to the platform's file, or leave the channel out"
-    )]
-    NotInModel(&'static str, &'static str),
     /// The platform was clamped but must be free.
     #[error("the platform was clamped, but this analysis needs its motion; record it on its bearing")]
     Clamped,
@@ -53,26 +46,20 @@ pub enum Why {
         "the {0} never changes: it is frozen, or not this platform's; check the sensor and the channel's name"
     )]
     Constant(String),
-    /// Readings that no motion of the platform can produce, and what would help.
+    /// Anything else that is wrong, and what would help.
     #[error("{0}; {1}")]
-    Implausible(String, &'static str),
-    /// Nothing that the model predicts was recorded.
+    Unusable(String, &'static str),
+    /// The motion of the model does not stay finite.
     #[error(
-        "nothing was recorded that the model predicts: no rate, force, direction or wheel speed with its command"
+        "the model's motion is lost in this run: a number of its file is off by far, or a channel has another unit"
     )]
-    NothingToPredict,
-    /// A component of a channel was recorded that has no noise.
-    #[error(
-        "{0} was recorded, and its noise is stated as zero; state in the platform's file what one sample scatters by"
-    )]
-    NoNoise(String),
+    Lost,
     /// The model is not physical.
     #[error("the model cannot be simulated: {0}")]
     Model(#[from] GyrostatError),
 }
 
 impl Why {
-    /// Of a recording.
     pub(crate) fn of(self, recording: &Recording) -> Refusal {
         Refusal { run: recording.name.clone(), why: self }
     }
@@ -95,93 +82,75 @@ pub struct Needs {
 /// With a sentence that gives advice.
 pub fn check(recording: &Recording, model: &PlatformModel, needs: &Needs) -> Result<(), Refusal> {
     let clamped = recording.mounting == Mounting::Clamped || !model.freedom.turns();
-    sensors(recording, model, needs, clamped)
-        .and_then(|()| length(recording, needs, clamped))
+    needed(recording, model, needs, clamped)
         .and_then(|()| counts(recording, model))
         .and_then(|()| if clamped { Ok(()) } else { gyro(recording, model) })
         .and_then(|()| if clamped { Ok(()) } else { accelerometer(recording, model) })
         .map_err(|why| why.of(recording))
 }
 
-/// Whether everything that is needed was recorded.
-fn sensors(recording: &Recording, model: &PlatformModel, needs: &Needs, clamped: bool) -> Result<(), Why> {
-    const BENCH: &str = "a bench test of the wheels needs their speeds and the torque commands";
-    let has_force = !recording.specific_force_b_m_s2.is_empty();
-    let turns = || model.freedom.rate_from_gyro_b_rad_s(&Vector3::zeros(), recording.gyro_axes()).is_some();
-    let partial = if has_force { "accelerometer x, y, z" } else { "accelerometer" };
-    let refusals = [
-        (clamped && needs.free, Why::Clamped),
-        (clamped && recording.wheel_speed_rad_s.len() < 2, Why::Missing("wheel speed", BENCH)),
-        (
-            clamped && recording.wheel_torque_command_n_m.is_empty(),
-            Why::Missing("wheel torque command", BENCH),
-        ),
-        (
-            !clamped && recording.gyro_b_rad_s.len() < 2,
-            Why::Missing(
-                "gyro",
-                "record rates (topic imu/data_raw, or columns that the map names as gyro), or check that its values are numbers: the motion cannot be \
-                 analysed without them",
-            ),
-        ),
-        (
-            !clamped && !turns(),
-            Why::Missing(
-                "gyro",
-                "on all axes that the platform turns about: the file's freedom says which these are, and the map which axes were \
-                 recorded; the motion cannot be analysed without rates",
-            ),
-        ),
-        (
-            has_force && !model.sensors.accelerometer.fitted,
-            Why::NotInModel("accelerometer", "sensors.accelerometer"),
-        ),
-        (
-            needs.accelerometer && !recording.has_whole_accelerometer(),
-            Why::Missing(
-                partial,
-                "without the direction of gravity neither the gravity offset nor the bias of the gyro can be determined",
-            ),
-        ),
-    ];
-    refusals.into_iter().find(|(is_so, _)| *is_so).map_or(Ok(()), |(_, why)| Err(why))
+fn refuse(is_so: bool, why: impl FnOnce() -> Why) -> Result<(), Why> {
+    if is_so { Err(why()) } else { Ok(()) }
 }
 
-fn length(recording: &Recording, needs: &Needs, clamped: bool) -> Result<(), Why> {
-    let (channel, times) = if clamped {
-        ("wheel speed", &recording.wheel_speed_rad_s.time_s)
+/// Whether everything that is needed was recorded, and long enough.
+fn needed(recording: &Recording, model: &PlatformModel, needs: &Needs, clamped: bool) -> Result<(), Why> {
+    const BENCH: &str = "a bench test of the wheels needs their speeds and the torque commands";
+    let missing = |is_so, what, advice| refuse(is_so, || Why::Missing(what, advice));
+    let (gyro, speeds) = (&recording.gyro_b_rad_s.time_s, &recording.wheel_speed_rad_s.time_s);
+    if clamped {
+        refuse(needs.free, || Why::Clamped)?;
+        missing(speeds.len() < 2, "wheel speed", BENCH)?;
+        missing(recording.wheel_torque_command_n_m.is_empty(), "wheel torque command", BENCH)?;
     } else {
-        ("gyro", &recording.gyro_b_rad_s.time_s)
-    };
+        missing(
+            gyro.len() < 2,
+            "gyro",
+            "record rates (topic imu/data_raw, or columns that the map names as gyro), or check that its values are numbers: the motion cannot be \
+             analysed without them",
+        )?;
+        let turns = model.freedom.rate_from_gyro_b_rad_s(&Vector3::zeros(), recording.gyro_axes());
+        missing(
+            turns.is_none(),
+            "gyro",
+            "on all axes that the platform turns about: the file's freedom says which these are, and the map which axes were \
+             recorded; the motion cannot be analysed without rates",
+        )?;
+    }
+    let has_force = !recording.specific_force_b_m_s2.is_empty();
+    refuse(has_force && !model.sensors.accelerometer.fitted, || {
+        let what = "there are accelerometer data, and the model says nothing of this sensor";
+        let advice = "add the group sensors.accelerometer to the platform's file, or leave the channel out";
+        Why::Unusable(what.to_owned(), advice)
+    })?;
+    missing(
+        needs.accelerometer && !recording.has_whole_accelerometer(),
+        if has_force { "accelerometer x, y, z" } else { "accelerometer" },
+        "without the direction of gravity neither the gravity offset nor the bias of the gyro can be determined",
+    )?;
+    let (channel, times) = if clamped { ("wheel speed", speeds) } else { ("gyro", gyro) };
     let duration_s = times.last().copied().unwrap_or(0.0) - times.first().copied().unwrap_or(0.0);
-    if duration_s.is_nan() || duration_s < needs.shortest_s {
-        return Err(Why::TooShort(duration_s, needs.shortest_s));
-    }
-    if times.len() < FEWEST_SAMPLES {
-        return Err(Why::TooFew(channel, times.len(), FEWEST_SAMPLES));
-    }
-    Ok(())
+    let is_short = duration_s.is_nan() || duration_s < needs.shortest_s;
+    refuse(is_short, || Why::TooShort(duration_s, needs.shortest_s))?;
+    refuse(times.len() < FEWEST_SAMPLES, || Why::TooFew(channel, times.len(), FEWEST_SAMPLES))
 }
 
 /// Refuses recordings of another number of wheels, gyros or jets than the model's.
 pub(crate) fn counts(recording: &Recording, model: &PlatformModel) -> Result<(), Why> {
-    let r = recording;
     let (wheels, gyros, jets) = (model.wheels().len(), model.gyros().len(), model.jets().len());
     let series = [
-        ("wheels", wheels, &r.wheel_speed_rad_s),
-        ("wheels", wheels, &r.wheel_torque_command_n_m),
-        ("control moment gyros", gyros, &r.gimbal_angle_rad),
-        ("control moment gyros", gyros, &r.gimbal_rate_rad_s),
-        ("control moment gyros", gyros, &r.gimbal_torque_n_m),
+        ("wheels", wheels, &recording.wheel_speed_rad_s),
+        ("wheels", wheels, &recording.wheel_torque_command_n_m),
+        ("control moment gyros", gyros, &recording.gimbal_angle_rad),
+        ("control moment gyros", gyros, &recording.gimbal_rate_rad_s),
+        ("control moment gyros", gyros, &recording.gimbal_torque_n_m),
     ];
     for (what, expected, series) in series {
-        if let Some(given) = series.value.iter().map(Vec::len).find(|given| *given != expected) {
-            return Err(Why::Count(what, given, expected));
-        }
+        let other = series.value.iter().map(Vec::len).find(|given| *given != expected);
+        other.map_or(Ok(()), |given| Err(Why::Count(what, given, expected)))?;
     }
-    if !r.jet_pulses.is_empty() && r.jet_pulses.len() != jets {
-        return Err(Why::Count("jets", r.jet_pulses.len(), jets));
-    }
+    let pulsed = recording.jet_pulses.len();
+    refuse(pulsed > 0 && pulsed != jets, || Why::Count("jets", pulsed, jets))?;
     Ok(model.actuators.check().map_err(GyrostatError::from)?)
 }
 
@@ -189,55 +158,43 @@ fn gyro(recording: &Recording, model: &PlatformModel) -> Result<(), Why> {
     let rates = &recording.gyro_b_rad_s.value;
     let first = rates.first().copied().unwrap_or_default();
     for axis in (0..3).filter(|axis| !recording.no_gyro_axis[*axis]) {
-        if rates.iter().all(|rate| rate[axis] == first[axis]) {
-            return Err(Why::Constant(format!("gyro's {} axis", ["x", "y", "z"][axis])));
-        }
+        let is_frozen = rates.iter().all(|rate| rate[axis] == first[axis]);
+        refuse(is_frozen, || Why::Constant(format!("gyro's {} axis", ["x", "y", "z"][axis])))?;
     }
     let rms = (rates.iter().map(Vector3::norm_squared).sum::<f64>() / rates.len() as f64).sqrt();
     let range = model.sensors.gyro.errors.range;
     let fastest = if model.freedom == Freedom::OnBearing { FASTEST_RAD_S } else { f64::INFINITY };
-    if rms > fastest.min(FASTEST_RANGES * range) {
-        return Err(Why::Implausible(
-            format!(
-                "the gyro reads {rms:.0} rad/s on average, more than such a platform can reach (the gyro's range is {range:.2} rad/s)"
-            ),
-            "probably deg/s were taken for rad/s; check the unit in the channel map",
-        ));
-    }
-    Ok(())
+    refuse(rms > fastest.min(FASTEST_RANGES * range), || {
+        let what = format!(
+            "the gyro reads {rms:.0} rad/s on average, more than such a platform can reach (the gyro's range is {range:.2} rad/s)"
+        );
+        Why::Unusable(what, "probably deg/s were taken for rad/s; check the unit in the channel map")
+    })
 }
 
 fn accelerometer(recording: &Recording, model: &PlatformModel) -> Result<(), Why> {
     let forces = &recording.specific_force_b_m_s2.value;
     let Some(first) = forces.first() else { return Ok(()) };
-    if forces.iter().all(|v| v == first) {
-        return Err(Why::Constant("accelerometer".to_owned()));
-    }
+    refuse(forces.iter().all(|v| v == first), || Why::Constant("accelerometer".to_owned()))?;
     // Without all of its axes neither length nor direction of gravity is there to be checked.
     if !model.freedom.has_weight() || !recording.has_whole_accelerometer() {
         return Ok(());
     }
     let mean = |of: fn(&Vector3<f64>) -> f64| forces.iter().map(of).sum::<f64>() / forces.len() as f64;
-    let size = mean(Vector3::norm);
-    if !FORCE_M_S2.contains(&size) {
-        return Err(Why::Implausible(
-            format!("the accelerometer reads {size:.2} m/s^2 on average, and gravity is 9.81 m/s^2"),
-            "check its unit (g or m/s^2) and its axes in the channel map",
-        ));
-    }
-    let up = mean(|f| f.z);
+    let (size, up) = (mean(Vector3::norm), mean(|f| f.z));
+    refuse(!FORCE_M_S2.contains(&size), || {
+        let what = format!("the accelerometer reads {size:.2} m/s^2 on average, and gravity is 9.81 m/s^2");
+        Why::Unusable(what, "check its unit (g or m/s^2) and its axes in the channel map")
+    })?;
     // A platform that is free in pitch, or on a shaft, may lie on its side or upside down.
     let any_attitude =
         matches!(model.tilt_limit, TiltLimit::Pitch { .. }) || model.freedom.hinge_axis_b().is_some();
-    if up < *FORCE_M_S2.start() && !any_attitude {
-        return Err(Why::Implausible(
-            format!(
-                "the accelerometer's z axis reads {up:.2} m/s^2 on average and must be near +9.81 with the platform upright"
-            ),
-            "check the order and the signs of its axes (specific force points up at rest)",
-        ));
-    }
-    Ok(())
+    refuse(up < *FORCE_M_S2.start() && !any_attitude, || {
+        let what = format!(
+            "the accelerometer's z axis reads {up:.2} m/s^2 on average and must be near +9.81 with the platform upright"
+        );
+        Why::Unusable(what, "check the order and the signs of its axes (specific force points up at rest)")
+    })
 }
 
 /// Why a recording cannot be predicted.

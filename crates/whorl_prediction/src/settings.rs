@@ -13,9 +13,8 @@ pub struct Setting {
     pub doc: String,
 }
 
-/// Readings of this time are taken in together where models are fitted and compared, if nothing is faster ([`crate::longest_cell_s`]) \[s\]: a sixth of
-/// the shortest time of a random torque that a run of minutes shows. Of 90 numbers of drawn rigs the estimates were within 0.3 deviations of those by each reading,
-/// and as well known to 2 % (`tests/fits.rs`).
+/// Readings of this time are taken in together where models are fitted and compared, if nothing is faster ([`crate::longest_cell_s`]) \[s\]. Of 90 numbers
+/// of drawn rigs the estimates were within 0.3 deviations of those by each reading, and as well known to 2 % (`tests/fits.rs`).
 pub const CELL_S: f64 = 0.05;
 
 macro_rules! settings {
@@ -34,7 +33,6 @@ macro_rules! settings {
 
         impl Settings {
             /// All of them, in groups that belong together.
-            #[must_use]
             pub fn listed(&self) -> Vec<Setting> {
                 vec![$(Setting {
                     name: stringify!($name),
@@ -50,32 +48,27 @@ settings! {
     /// Largest share of a radian, or of a time constant, that the fastest motion makes in one step of the covariance: the
     /// midpoint rule then errs by less than its cube over twelve, 1e-4 of a covariance's change.
     covariance_step: f64 = 0.1;
-    /// Derivatives are held while attitude and rate are no further away than this \[rad\], rates against the fastest motion: gains then err by about as
-    /// much, and log p by half its square for each reading, differently with other parameters. Of 46,000 readings of a platform that swings slowly
-    /// that was up to ten nats at 0.01 and up to half a nat at this; every step anew takes twice as long.
+    /// Derivatives are held while attitude and rate are no further away than this \[rad\], rates against the fastest motion. Of 46,000 readings of a
+    /// platform that swings slowly log p then errs by up to half a nat, and by up to ten at 0.01; every step anew takes twice as long.
     derivatives_held: f64 = 0.003;
     /// Readings of so long a time are taken in together, as their means \[s\]; none: each by itself. The motion is predicted at each reading all the same.
     cell_s: f64 = 0.0;
-    /// How far the attitude may be from the guess at the start, standard deviation about each axis \[rad\]: that of an
-    /// angle of which nothing is known, pi over the root of three.
+    /// How far the attitude may be from the guess at the start, standard deviation about each axis \[rad\]: of an angle of which nothing is known.
     start_attitude_rad: f64 = std::f64::consts::PI / 3f64.sqrt();
     /// How far a rate, a speed or a direction may be from its first reading, in standard deviations of that reading: so wide
     /// that the reading counts for next to nothing, and narrow enough for small angles where sensors are good.
     start_readings: f64 = 10.0;
     /// How far the vertical may be from the first specific force, which the motion tilts \[rad\]: 3 m/s^2 of 10.
     start_force_rad: f64 = 0.3;
-    /// A start stands when the log likelihood changes by no more than this from one pass to the next (natural logarithm): a hundredth of
-    /// what counts as evidence worth a mention.
+    /// A start stands when log p changes by no more than this from one pass to the next (natural logarithm): a hundredth of evidence worth a mention.
     start_stands_nats: f64 = 0.01;
     /// Share of what a run says of its start that the filter begins with, beside what was known before: it makes angles small,
     /// and counts the run's readings by this much more than once.
     start_kept: f64 = 0.01;
     /// How often a start is found anew at most.
     start_passes: usize = 12;
-    /// Correlation times of the torque on the body that the model does not have, a sum of three random ones about each axis \[s\], of which
-    /// a run shows those that are shorter than itself. A single
-    /// one of 1 s made the likelihood short by 23 nats where the true time was 3 s, in six minutes of one axis, and by 70 where it was 10 s, and
-    /// then took slow laws for real; these three came within 1.2 nats from 0.3 to 10 s.
+    /// Correlation times of the torque on the body that the model does not have \[s\], a sum of three random ones about each axis, those that are shorter
+    /// than the run: within 1.2 nats of the true time from 0.3 to 10 s. A single one of 1 s was short by 23 where it was 3 s, by 70 where it was 10 s.
     disturbance_correlations_s: [f64; 4] = [0.03, 0.3, 3.0, 30.0];
     /// The same of each motor's torque \[s\]: the middle one of the horizons over which predictions are shown. Faster ones look like noise
     /// of the tachometer, slower ones like friction.
@@ -84,7 +77,7 @@ settings! {
     level_start_instants: usize = 300;
     /// Instants of the first part of a run, in which levels are found roughly; further parts are six times as long as those before.
     level_first_instants: usize = 1000;
-    /// Steps of levels over a part of a run at most.
+    /// Steps of levels at most.
     level_steps: usize = 8;
     /// Levels stand when a step would make the run likelier by no more than this (natural logarithm): they are then closer to the likeliest than
     /// their deviations.
@@ -95,13 +88,12 @@ settings! {
     /// Disturbances are there if they make a run likelier than chance does in 999 of 1000: by half the quantile of a chi-squared variable with
     /// as many degrees as there are torques that show, which is this many deviations of a normal variable.
     level_needed_deviations: f64 = 3.09;
-    /// Factor by which a stated noise may be off, one standard deviation. An assumption: data sheets give typical values, and the
-    /// bandwidth that is set changes them. It counts only where there are few readings.
+    /// Factor by which a stated noise may be off, one standard deviation, which counts where there are few readings. An assumption: data sheets give
+    /// typical values, and the bandwidth that is set changes them.
     stated_noise_factor: f64 = 1.5;
-    /// Relative error of the impulse of a touch, one standard deviation. An assumption: impacts of the same pair of bodies scatter by some per cent,
-    /// and a model's stop is a stand-in, of the same stiffness and damping by inertia for every bearing. Of a platform that swings from stop to
-    /// stop, with the right model, log p jumped by up to 25 nats between delays of valves half a millisecond apart at none, by up to 13 at 0.03,
-    /// by up to 3 at this.
+    /// Relative error of the impulse of a touch, one standard deviation. An assumption: impacts of the same bodies scatter by some per cent,
+    /// and a model's stop is a stand-in. Of a platform that swings from stop to stop log p then jumped by up to 3 nats between delays of valves half a
+    /// millisecond apart, by up to 13 at 0.03, by up to 25 at none.
     touch_impulse_share: f64 = 0.1;
     /// How long a touch takes that has this error \[s\]: half a swing of a bearing's own stop, pi over the root of its stiffness by
     /// inertia (233 1/s^2); what leans for longer has errors that are independent from one such time to the next.

@@ -1,10 +1,9 @@
 //! The state at the first reading, and what is known of it before anything is filtered: a guess by the first readings, as wide as these leave it.
 
-use std::ops::Range;
-
 use nalgebra::{DMatrix, DVector, Matrix3, Unit, UnitQuaternion, Vector3};
 use whorl_dynamics::Plant;
 use whorl_dynamics::plant::{RATE, ROTATION};
+use whorl_dynamics::platform::TriaxialErrors;
 use whorl_math::{attitude_from_two_vectors, attitude_from_vertical, quaternion_exp, unit_or};
 use whorl_recording::Channel;
 
@@ -32,38 +31,28 @@ pub struct Start {
 
 impl Start {
     /// The same distribution about another mean: changed by coordinates of the layout.
-    #[must_use]
     pub fn moved(&self, change: &DVector<f64>) -> Self {
         let mut moved = self.clone();
         let of = |from: usize| Vector3::from_fn(|i, _| change[from + i]);
         moved.q_world_body *= quaternion_exp(&of(ROTATION.start));
         moved.omega_wb_b_rad_s += of(RATE.start);
-        for (i, speed) in self.layout.plant.wheels().zip(&mut moved.wheel_speed_rad_s) {
-            *speed += change[i];
-        }
-        for (i, x) in self.layout.plant.hidden().zip(&mut moved.hidden) {
-            *x += change[i];
-        }
-        for i in self.layout.plant.size()..self.layout.size() {
-            moved.beside[i] += change[i];
-        }
+        let plant = self.layout.plant;
+        plant.wheels().zip(&mut moved.wheel_speed_rad_s).for_each(|(i, speed)| *speed += change[i]);
+        plant.hidden().zip(&mut moved.hidden).for_each(|(i, x)| *x += change[i]);
+        (plant.size()..self.layout.size()).for_each(|i| moved.beside[i] += change[i]);
         moved
     }
 
     /// The same about the mean of another, whose disturbances it does not have.
-    #[must_use]
     pub(crate) fn about(mut self, other: &Self) -> Self {
         (self.q_world_body, self.omega_wb_b_rad_s) = (other.q_world_body, other.omega_wb_b_rad_s);
         self.wheel_speed_rad_s.clone_from(&other.wheel_speed_rad_s);
         self.hidden.clone_from(&other.hidden);
-        for (i, k) in self.layout.own().zip(other.layout.own()) {
-            self.beside[i] = other.beside[k];
-        }
+        self.layout.own().zip(other.layout.own()).for_each(|(i, k)| self.beside[i] = other.beside[k]);
         self
     }
 
     /// The same with other disturbances, of which nothing is known but their levels.
-    #[must_use]
     pub(crate) fn with_levels(&self, case: &Prepared<'_>, noise: &Noise) -> Self {
         let mut start = Self::wide(case, noise).about(self);
         start.covariance = start.embedded(&self.covariance, self.layout);
@@ -71,7 +60,6 @@ impl Start {
     }
 
     /// A covariance in coordinates of another layout, with the disturbances of this start.
-    #[must_use]
     pub(crate) fn embedded(&self, covariance: &DMatrix<f64>, of: Layout) -> DMatrix<f64> {
         let mut embedded = self.covariance.clone();
         for (i, from_i) in self.layout.own().zip(of.own()) {
@@ -82,7 +70,6 @@ impl Start {
         embedded
     }
 
-    /// Whether it has the states of this model.
     pub(crate) fn is_of(&self, case: &Prepared<'_>) -> bool {
         self.layout.plant == case.plant.tangent()
     }
@@ -96,12 +83,9 @@ impl Start {
         }
         plant.change_state(&change);
     }
-}
 
-impl Start {
     /// What is known before anything is filtered, about the likeliest guess: readings at the start with the widths of
     /// [`crate::Settings`], the sensors' biases as the model states them, hidden states at rest.
-    #[must_use]
     pub fn wide(case: &Prepared<'_>, noise: &Noise) -> Self {
         let layout = layout(case, noise);
         let (model, recording, settings) = (case.model(), case.recording(), case.settings());
@@ -144,24 +128,22 @@ impl Start {
 /// Standard deviations of the sensors' biases before a run, about none, as the model states them; in their units.
 pub(crate) fn known_biases(case: &Prepared<'_>, layout: Layout) -> impl Iterator<Item = (usize, f64)> {
     let sensors = &case.model().sensors;
-    let of = |biases: Range<usize>, stddev: Vector3<f64>| (0..3).map(move |axis| stddev[axis]).zip(biases);
-    let gyro = of(layout.gyro_bias(), sensors.gyro.errors.bias_turn_on_stddev);
-    let force = of(layout.force_bias(), sensors.accelerometer.errors.bias_turn_on_stddev);
-    gyro.chain(force).map(|(stddev, i)| (i, stddev))
+    let stddevs = [&sensors.gyro.errors, &sensors.accelerometer.errors].map(|of| of.bias_turn_on_stddev);
+    let biases = [layout.gyro_bias(), layout.force_bias()].into_iter().zip(stddevs);
+    biases.flat_map(|(biases, stddev)| biases.zip((0..3).map(move |axis| stddev[axis])))
 }
 
 fn layout(case: &Prepared<'_>, noise: &Noise) -> Layout {
-    let sensors = &case.model().sensors;
-    let there = |channel| case.tracks.iter().any(|track| track.channel == channel);
-    let biased = |errors: &whorl_dynamics::platform::TriaxialErrors| {
-        errors.bias_turn_on_stddev != Vector3::zeros() || errors.bias_walk != Vector3::zeros()
+    let (sensors, disturbance) = (&case.model().sensors, &noise.disturbance);
+    let biased = |channel, errors: &TriaxialErrors| {
+        case.reads(channel) && [errors.bias_turn_on_stddev, errors.bias_walk] != [Vector3::zeros(); 2]
     };
     Layout::new(
         case.plant.tangent(),
-        if case.clamped { 0 } else { noise.disturbance.processes().count() },
-        if there(Channel::WheelSpeed) { noise.disturbance.motors() } else { 0 },
-        there(Channel::Gyro) && biased(&sensors.gyro.errors),
-        there(Channel::Accelerometer) && biased(&sensors.accelerometer.errors),
+        if case.clamped { 0 } else { disturbance.body.len() },
+        if case.reads(Channel::WheelSpeed) { disturbance.motors_n_m.len() } else { 0 },
+        biased(Channel::Gyro, &sensors.gyro.errors),
+        biased(Channel::Accelerometer, &sensors.accelerometer.errors),
     )
 }
 
@@ -174,15 +156,7 @@ pub(crate) fn fastest_change(case: &Prepared<'_>) -> (f64, Vec<f64>) {
     (inertia * rate.norm(), wheels.collect())
 }
 
-/// A direction that was seen, in the body at the first reading, where it is in the world, and how well it is known \[rad\].
-struct Seen {
-    in_body: Unit<Vector3<f64>>,
-    in_world: Unit<Vector3<f64>>,
-    stddev_rad: f64,
-}
-
-/// Attitude from the first readings of what sees a direction: gravity and references; level where nothing does. With the covariance of a rotation
-/// about the body's axes \[rad^2\].
+/// Attitude from the first readings of what sees a direction, gravity and references, level where nothing does; with its covariance, body axes \[rad^2\].
 fn attitude_guess(
     case: &Prepared<'_>,
     noise: &Noise,
@@ -190,83 +164,69 @@ fn attitude_guess(
     rate_stddev_rad_s: f64,
 ) -> (UnitQuaternion<f64>, Matrix3<f64>) {
     let (settings, freedom) = (case.settings(), &case.model().freedom);
-    // A reading that comes later than the first is turned back by as far as the body went.
-    let seen = |channel, sensor, in_world: Unit<Vector3<f64>>, stddev_rad: f64| {
+    // A direction in the body at the first reading, where it is in the world, and how well it is known [rad].
+    type Seen = (Unit<Vector3<f64>>, Unit<Vector3<f64>>, f64);
+    let seen = |channel, sensor, in_world: Unit<Vector3<f64>>, stddev_rad: f64| -> Option<Seen> {
         let mut tracks = case.tracks.iter().filter(|track| track.is_whole());
         let track = tracks.find(|track| (track.channel, track.sensor) == (channel, sensor))?;
+        // A reading that comes later than the first is turned back by as far as the body went, whose rate may have changed by itself meanwhile.
         let late_s = (track.instant_ns(0)? - case.first_ns()) as f64 * 1e-9;
         let back = quaternion_exp(&(rate_rad_s * late_s));
-        // The rate may have changed by itself meanwhile.
-        let turned = late_s * (rate_stddev_rad_s + rate_rad_s.norm());
-        let in_body = unit_or(back * track.vector(0)?, in_world);
-        Some(Seen { in_body, in_world, stddev_rad: stddev_rad.hypot(turned) })
+        let turned_rad = late_s * (rate_stddev_rad_s + rate_rad_s.norm());
+        Some((unit_or(back * track.vector(0)?, in_world), in_world, stddev_rad.hypot(turned_rad)))
     };
     let vectors = case.recording().vectors.iter().zip(&noise.vector_rad).enumerate();
-    let mut directions: Vec<Seen> = vectors
-        .filter_map(|(sensor, (of, stddev))| {
-            seen(Channel::Vector, sensor, of.reference_world, settings.start_readings * stddev)
-        })
-        .collect();
-    if freedom.has_weight() {
-        directions.extend(seen(Channel::Accelerometer, 0, Vector3::z_axis(), settings.start_force_rad));
-    }
-    directions.retain(|direction| direction.stddev_rad.is_finite());
-    directions.sort_by(|a, b| a.stddev_rad.total_cmp(&b.stddev_rad));
+    let vectors = vectors.filter_map(|(sensor, (of, stddev))| {
+        seen(Channel::Vector, sensor, of.reference_world, settings.start_readings * stddev)
+    });
+    let gravity = || seen(Channel::Accelerometer, 0, Vector3::z_axis(), settings.start_force_rad);
+    let mut directions: Vec<Seen> = vectors.chain(freedom.has_weight().then(gravity).flatten()).collect();
+    directions.retain(|direction| direction.2.is_finite());
+    directions.sort_by(|a, b| a.2.total_cmp(&b.2));
     // What was not seen is as it is level.
     let unknown_rad = settings.start_attitude_rad;
-    let level = [Vector3::z_axis(), Vector3::x_axis()];
-    directions.extend(level.map(|axis| Seen { in_body: axis, in_world: axis, stddev_rad: unknown_rad }));
-    let (primary, rest) = (&directions[0], &directions[1..]);
-    let (q_world_body, second_rad) = rest
-        .iter()
-        .find_map(|second| {
-            let q = attitude_from_two_vectors(
-                &primary.in_body,
-                &primary.in_world,
-                &second.in_body,
-                &second.in_world,
-            );
-            Some((q.ok()?, second.stddev_rad))
-        })
-        .unwrap_or_else(|| (attitude_from_vertical(primary.in_body, 0.0), unknown_rad));
-    let along = primary.in_body.into_inner() * primary.in_body.transpose();
+    directions.extend([Vector3::z_axis(), Vector3::x_axis()].map(|axis| (axis, axis, unknown_rad)));
+    let (in_body, in_world, first_rad) = directions[0];
+    let mut both = directions[1..].iter().filter_map(|(second, second_in_world, second_rad)| {
+        let q = attitude_from_two_vectors(&in_body, &in_world, second, second_in_world);
+        Some((q.ok()?, *second_rad))
+    });
+    let (q_world_body, second_rad) =
+        both.next().unwrap_or_else(|| (attitude_from_vertical(in_body, 0.0), unknown_rad));
+    let along = in_body.into_inner() * in_body.transpose();
     let across = Matrix3::identity() - along;
     let covariance =
-        across * primary.stddev_rad.min(unknown_rad).powi(2) + along * second_rad.min(unknown_rad).powi(2);
+        across * first_rad.min(unknown_rad).powi(2) + along * second_rad.min(unknown_rad).powi(2);
     (q_world_body, covariance)
 }
 
-/// Attitudes from which a filter finds the likeliest: one where directions are seen, else several about each axis that
-/// weight acts on.
+/// Attitudes from which a filter finds the likeliest: one where directions are seen, else several about each axis that weight acts on.
 pub(crate) fn guesses(case: &Prepared<'_>, wide: &Start) -> Vec<Start> {
     let model = case.model();
     // An accelerometer that lacks axes sees no direction.
     let sees = |channel| case.tracks.iter().any(|track| track.channel == channel && track.is_whole());
-    let weight = model.freedom.has_weight() && model.mass_properties.gravity_offset_b_n_m().norm() > 0.0;
+    let offset_b = model.mass_properties.gravity_offset_b_n_m();
+    let weight = model.freedom.has_weight() && offset_b.norm() > 0.0;
     if case.clamped || !weight || sees(Channel::Accelerometer) || sees(Channel::Vector) {
         return vec![wide.clone()];
     }
-    let from = |q_world_body| Start { q_world_body, ..wide.clone() };
-    let turns = (0..6).map(|k| std::f64::consts::TAU * f64::from(k) / 6.0);
-    let others: Vec<Start> = match model.freedom.hinge_axis_b() {
-        // The shaft may lie, and the body hang anywhere about it.
-        Some(axis) => {
-            let down = hanging(&axis, model.mass_properties.gravity_offset_b_n_m());
-            turns.map(|angle| from(down * quaternion_exp(&(axis.into_inner() * angle)))).collect()
-        }
-        // Tilted to every side.
-        None => turns
-            .map(|angle| Vector3::new(angle.cos(), angle.sin(), 0.0) * case.settings().start_force_rad)
-            .map(|tilt| from(wide.q_world_body * quaternion_exp(&tilt)))
-            .collect(),
+    let turn = |k: i32| {
+        let angle = std::f64::consts::TAU * f64::from(k) / 6.0;
+        let q_world_body = match model.freedom.hinge_axis_b() {
+            // The shaft may lie level, and the body hang anywhere about it: down at first.
+            Some(axis) => {
+                let across = offset_b - axis.into_inner() * axis.dot(offset_b);
+                let (below, down) = (unit_or(across, -Vector3::z_axis()), -Vector3::z_axis());
+                let down = attitude_from_two_vectors(&below, &down, &axis, &Vector3::x_axis());
+                down.unwrap_or_default() * quaternion_exp(&(axis.into_inner() * angle))
+            }
+            // Tilted to every side.
+            None => {
+                let tilt = Vector3::new(angle.cos(), angle.sin(), 0.0) * case.settings().start_force_rad;
+                wide.q_world_body * quaternion_exp(&tilt)
+            }
+        };
+        Start { q_world_body, ..wide.clone() }
     };
-    std::iter::once(wide.clone()).chain(others).collect()
-}
-
-/// The attitude in which the shaft lies level and the centre of mass hangs below it.
-fn hanging(axis_b: &Unit<Vector3<f64>>, offset_b: &Vector3<f64>) -> UnitQuaternion<f64> {
-    let across = offset_b - axis_b.into_inner() * axis_b.dot(offset_b);
-    let below = unit_or(across, -Vector3::z_axis());
-    attitude_from_two_vectors(&below, &-Vector3::z_axis(), axis_b, &Vector3::x_axis())
-        .unwrap_or_else(|_| UnitQuaternion::identity())
+    std::iter::once(wide.clone()).chain((0..6).map(turn)).collect()
 }

@@ -11,7 +11,6 @@ thread_local! {
     static STOP: RefCell<Option<Stop>> = const { RefCell::new(None) };
 }
 
-/// What unwinds a computation that was told to stop.
 struct Stopped;
 
 /// Tells a computation to stop.
@@ -25,7 +24,6 @@ impl Stop {
     }
 
     /// Whether it was told.
-    #[must_use]
     pub fn is_told(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
@@ -43,13 +41,11 @@ impl Stop {
     }
 
     /// Whether a computation unwound because it was told to.
-    #[must_use]
     pub fn was_told(cause: &(dyn Any + Send)) -> bool {
         cause.is::<Stopped>()
     }
 }
 
-/// Obeys what was said to this thread, if anything was.
 pub(crate) fn obey() {
     STOP.with_borrow(|stop| stop.iter().for_each(Stop::obey));
 }

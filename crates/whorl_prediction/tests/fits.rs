@@ -11,7 +11,7 @@ use rigs::Draw;
 use whorl_dynamics::{MassProperties, PlatformModel};
 use whorl_prediction::{
     CELL_S, Fitted, FrozenGains, Noise, Parameter, Prepared, Rival, Settings, Told, Varied, fit,
-    fitted_start, frozen_gains, innovations, likelihood, longest_cell_s, predict, sensitivities,
+    fitted_start, frozen_gains, innovations, longest_cell_s, predict, sensitivities,
 };
 
 /// What of a rig is uncertain, each in standard deviations of what is known before.
@@ -125,10 +125,8 @@ fn costs_differ(seed: u64) -> Vec<f64> {
     let with = |at: &[f64], gains: Option<&FrozenGains>| {
         let model = moved(&rig.model, at).unwrap();
         let case = Prepared::new(&recordings[0], &model, settings).unwrap();
-        match gains {
-            Some(gains) => innovations(&case, noise, start, gains, &mut |_| {}).unwrap().log,
-            None => likelihood(&case, noise, start).log,
-        }
+        let own = frozen_gains(&case, noise, start).unwrap();
+        innovations(&case, noise, start, gains.unwrap_or(&own), &mut |_| {}).unwrap().0.log
     };
     let model = moved(&rig.model, &found.at).unwrap();
     let case = Prepared::new(&recordings[0], &model, settings).unwrap();

@@ -38,9 +38,9 @@ pub use campaign::{Sweep, SweptAxis, SweptGroup, campaign_html};
 pub use data::{Collector, RunData};
 pub use events::{Happening, happenings, mode_name};
 pub use explanation::{
-    Drawn, Facts, NextPage, PathPart, PlannedMotion, adoption_figures, adoption_html, comparison_figures,
-    comparison_html, diagnosis_figures, diagnosis_html, discovery_html, localisation_figures,
-    localisation_html, next_html, path_html, trends_html,
+    Drawn, Facts, NextPage, PathPart, PlannedMotion, SHARES, adoption_figures, adoption_html,
+    comparison_figures, comparison_html, diagnosis_figures, diagnosis_html, discovery_html, horizon_columns,
+    localisation_figures, localisation_html, next_html, path_html, shares, trends_html,
 };
 pub use index::{IndexRow, IndexedCampaign, index_html};
 pub use live::live_html;

@@ -1,24 +1,22 @@
-//! Dependence of a residual torque on recorded quantities.
-//!
-//! The residual is regressed on one shape of one quantity at a time ([`Quantity::shapes`]) and a constant, once in body and once in world axes. The
-//! score is the share of the excess (mean square beyond the noise) that this explains. A curve has two numbers, so that nothing is gained by
-//! overfitting, and quantities of different kinds can be ranked.
+//! Dependence of a residual torque on recorded quantities: regressed on one shape of one quantity ([`Quantity::shapes`]) and a constant, in body and
+//! world axes. Quantities are ranked by the share of the excess (mean square beyond the noise) that this explains: two numbers do not overfit.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use serde::Serialize;
+use whorl_math::statistics::quantile;
 
 use crate::quantities::Quantity;
 use crate::shapes::{Growth, Parity, Shape};
 
-/// Points of a curve.
+/// Points of a curve, and the share of values at either end that it leaves out.
 const PLACES: usize = 41;
+const OUTLIERS: f64 = 0.002;
 /// How much more a world-frame curve must explain than the body-frame one to be preferred.
 const MARGIN: f64 = 0.02;
 /// How much more the rates about all axes must explain than any other quantity.
 const OWN_AXES_MARGIN: f64 = 0.1;
 /// Share of the largest standard deviation below which an axis is one about which the rig holds the body.
 const HELD: f64 = 1e-9;
-
 /// Of each axis the rate about it: friction that acts about all of them.
 pub(crate) const RATE_ABOUT_SAME_AXIS: &str = "rate_about_the_same_axis";
 
@@ -36,33 +34,28 @@ pub enum Frame {
     Hinge,
 }
 
+/// Of each frame its name, and of each of its axes, three or one, the name and what a torque about it is about.
+const FRAMES: [(&str, &[&str], &[&str]); 4] = [
+    ("body", &["x", "y", "z"], &["body x", "body y", "body z"]),
+    ("world", &["east", "north", "up"], &["east", "north", "the vertical"]),
+    ("wheel", &["axis"], &["the wheel's axis"]),
+    ("hinge", &["axis"], &["the hinge"]),
+];
+
 impl Frame {
     /// In a word, for tables.
-    #[must_use]
     pub fn name(self) -> &'static str {
-        ["body", "world", "wheel", "hinge"][self as usize]
+        FRAMES[self as usize].0
     }
 
     /// Its axes, for tables and curves: three, or one.
-    #[must_use]
     pub fn axes(self) -> &'static [&'static str] {
-        match self {
-            Self::Body => &["x", "y", "z"],
-            Self::World => &["east", "north", "up"],
-            Self::Wheel | Self::Hinge => &["axis"],
-        }
+        FRAMES[self as usize].1
     }
 
     /// What a torque about one of its axes is about, in a sentence.
-    #[must_use]
     pub fn about(self, axis: usize) -> &'static str {
-        match (self, axis) {
-            (Self::Body, _) => ["body x", "body y", "body z"].get(axis).unwrap_or(&""),
-            (Self::World, 2) => "the vertical",
-            (Self::World, _) => self.axes().get(axis).unwrap_or(&""),
-            (Self::Wheel, _) => "the wheel's axis",
-            (Self::Hinge, _) => "the hinge",
-        }
+        FRAMES[self as usize].2.get(axis).unwrap_or(&"")
     }
 }
 
@@ -139,12 +132,10 @@ impl Variable {
     }
 }
 
-/// Value and standard deviation of the noise of a torque about three axes [N m]; the deviation is infinite, so that the axis weighs nothing,
-/// where nothing can turn.
+/// A torque about three axes with the standard deviation of its noise [N m]: infinite about an axis about which nothing can turn.
 pub(crate) type Torque = [(f64, f64); 3];
 
 /// Estimates of a torque: in the first frame and, on a body that turns freely, in world axes.
-#[derive(Debug, Clone)]
 pub(crate) struct Residual {
     pub first: Frame,
     pub torques: Vec<Torque>,
@@ -175,13 +166,12 @@ impl Residual {
 
 /// A torque about one axis as a function of a quantity.
 struct Curve {
-    /// Drop of the whitened sum of squares.
+    /// Drop of the whitened sum of squares, and what it is over the weights: mean square over the data [N^2 m^2].
     explained: f64,
+    mean_square: f64,
     shapes: &'static [Shape],
     coefficients: DVector<f64>,
     covariance: DMatrix<f64>,
-    /// Mean square over the data, as they weigh [N^2 m^2].
-    mean_square: f64,
 }
 
 /// Finds the quantities that a residual torque depends on.
@@ -190,17 +180,17 @@ pub(crate) fn dependences(residual: &Residual, variables: &[Variable]) -> Depend
     let total: f64 = all().map(|(value, sigma)| (value / sigma).powi(2)).sum();
     let noise = all().filter(|(_, sigma)| sigma.is_finite()).count().max(1) as f64;
     let explained = |curves: &[Option<Curve>; 3]| curves.iter().flatten().map(|c| c.explained).sum::<f64>();
-    let mut found = Vec::new();
-    for variable in variables {
+    let in_best_frame = |variable: &Variable| {
         let in_frame = |torques: &[Torque]| [0, 1, 2].map(|axis| curve(variable, torques, axis));
         let (first, world) = (in_frame(&residual.torques), in_frame(&residual.world));
         let is_better = explained(&world) > explained(&first) + MARGIN * total;
-        found.push((variable, if is_better { (Frame::World, world) } else { (residual.first, first) }));
-    }
+        if is_better { (Frame::World, world) } else { (residual.first, first) }
+    };
+    let found: Vec<_> = variables.iter().map(in_best_frame).collect();
     let (of_first, mean_b_n_m) = constant(&residual.torques);
     let (of_world, mean_world_n_m) = constant(&residual.world);
     // The explained part cannot exceed the total: an overestimated noise must not cause shares above one.
-    let most = found.iter().map(|(_, (_, curves))| explained(curves)).fold(of_first.max(of_world), f64::max);
+    let most = found.iter().map(|(_, curves)| explained(curves)).fold(of_first.max(of_world), f64::max);
     let excess = (total - noise).max(most).max(f64::MIN_POSITIVE);
     let dependence = |(variable, (frame, curves)): (&Variable, (Frame, [Option<Curve>; 3]))| {
         let size = |i: &usize| curves[*i].as_ref().map_or(0.0, |curve| curve.mean_square);
@@ -217,11 +207,11 @@ pub(crate) fn dependences(residual: &Residual, variables: &[Variable]) -> Depend
             shape: drawn(variable, &curves),
         }
     };
-    let mut ranked: Vec<Dependence> = found.into_iter().map(dependence).collect();
+    let mut ranked: Vec<Dependence> = variables.iter().zip(found).map(dependence).collect();
     ranked.sort_by(|a, b| b.share.total_cmp(&a.share));
     // The rate about each axis' own is worth a word only where it explains more than the rate about one.
     let is_own = |d: &Dependence| d.variable == RATE_ABOUT_SAME_AXIS;
-    let best = ranked.iter().filter(|d| !is_own(d)).map(|d| d.share).fold(0.0, f64::max);
+    let best = ranked.iter().find(|d| !is_own(d)).map_or(0.0, |d| d.share);
     ranked.retain(|d| !is_own(d) || d.share > best + OWN_AXES_MARGIN);
     Dependences {
         excess: ((total - noise) / total.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0),
@@ -264,8 +254,8 @@ fn curve(variable: &Variable, torques: &[Torque], axis: usize) -> Option<Curve> 
         let explained = coefficients.dot(&right);
         // The covariance grows where the scatter is larger than the stated noise.
         let scatter = ((squares - explained) / xs.len() as f64).max(1.0);
-        let covariance = factor.inverse() * scatter;
-        Some(Curve { explained, shapes, coefficients, covariance, mean_square: explained / weights })
+        let (covariance, mean_square) = (factor.inverse() * scatter, explained / weights);
+        Some(Curve { explained, mean_square, shapes, coefficients, covariance })
     };
     let all = variable.quantity.shapes().filter_map(of_shapes);
     all.max_by(|a, b| a.explained.total_cmp(&b.explained))
@@ -284,11 +274,8 @@ fn told(variable: &Variable, axis: usize, curve: Option<&Curve>) -> (Parity, Gro
 
 /// Least and largest value, but for the outermost 0.2 %: outliers must not stretch a curve.
 pub(crate) fn range(values: &[f64]) -> (f64, f64) {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let cut = sorted.len() / 500;
-    let at = |k: Option<usize>| k.and_then(|k| sorted.get(k)).copied().unwrap_or(0.0);
-    (at(Some(cut)), at(sorted.len().checked_sub(1 + cut)))
+    let at = |share| quantile(values.iter().copied(), share);
+    (at(OUTLIERS), at(1.0 - OUTLIERS))
 }
 
 fn drawn(variable: &Variable, curves: &[Option<Curve>; 3]) -> Curves {

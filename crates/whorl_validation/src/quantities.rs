@@ -1,5 +1,4 @@
-//! The quantities on which a torque may depend: one table for where a model fails, for laws without a name in a diagnosis, and for the search for
-//! a law.
+//! The quantities on which a torque may depend: where a model fails, in laws without a name, and in the search for a law.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::effects::written::Formula;
@@ -23,7 +22,8 @@ pub struct Quantity {
     pub is_slow: bool,
     /// What goes with it is fixed to the body.
     pub is_of_body: bool,
-    formula: Formula,
+    /// Its value in a state, in its unit.
+    pub formula: Formula,
 }
 
 /// Of the body and of time: name, equation, unit.
@@ -40,30 +40,26 @@ const COMMON: [(&str, &str, &str); 9] = [
 ];
 
 /// Every quantity that all of these recordings of a platform hold.
-#[must_use]
 pub fn quantities<'r>(
     model: &PlatformModel,
     recordings: impl IntoIterator<Item = &'r Recording>,
 ) -> Vec<Quantity> {
-    let recorded = recordings.into_iter().fold([true; 4], |all, run| {
-        let slow = [&run.tank_pressure_pa, &run.bus_voltage_v, &run.temperature_k].map(|of| of.len() > 1);
-        let commands = !run.wheel_torque_command_n_m.is_empty();
-        [all[0] && slow[0], all[1] && slow[1], all[2] && slow[2], all[3] && commands]
-    });
+    let runs: Vec<&Recording> = recordings.into_iter().collect();
+    let all = |has: fn(&Recording) -> bool| runs.iter().all(|run| has(run));
     let slow = [
-        ("tank_pressure", "(pressure - reference_pressure)", "Pa"),
-        ("bus_voltage", "(voltage - initial_voltage)", "V"),
-        ("temperature", "(temperature - ambient_temperature)", "K"),
+        ("tank_pressure", "(pressure - reference_pressure)", "Pa", all(|run| run.tank_pressure_pa.len() > 1)),
+        ("bus_voltage", "(voltage - initial_voltage)", "V", all(|run| run.bus_voltage_v.len() > 1)),
+        ("temperature", "(temperature - ambient_temperature)", "K", all(|run| run.temperature_k.len() > 1)),
     ];
     let owned = |(name, text, unit): (&str, &str, &'static str)| (name.to_owned(), text.to_owned(), unit);
     let mut rows: Vec<(String, String, &'static str)> = COMMON.map(owned).to_vec();
-    for (number, name) in (1..).zip(model.wheels().iter().map(|wheel| &wheel.name)) {
-        rows.push((format!("{name}_speed"), format!("wheel_speed[{number}]"), "rad/s"));
-        if recorded[3] {
-            rows.push((format!("{name}_torque_command"), format!("motor_torque[{number}]"), "N m"));
+    for (number, wheel) in (1..).zip(model.wheels()) {
+        rows.push((format!("{}_speed", wheel.name), format!("wheel_speed[{number}]"), "rad/s"));
+        if all(|run| !run.wheel_torque_command_n_m.is_empty()) {
+            rows.push((format!("{}_torque_command", wheel.name), format!("motor_torque[{number}]"), "N m"));
         }
     }
-    rows.extend(slow.into_iter().zip(recorded).filter(|(_, is)| *is).map(|(row, _)| owned(row)));
+    rows.extend(slow.iter().filter(|of| of.3).map(|(name, text, unit, _)| owned((name, text, unit))));
     let quantity = |(name, text, unit): (String, String, &'static str)| {
         let is_of_wheel = name.ends_with("_speed") || name.ends_with("_torque_command");
         let is_slow = name == "time" || slow.iter().any(|(slow, ..)| *slow == name);
@@ -82,32 +78,17 @@ pub fn quantities<'r>(
 }
 
 impl Quantity {
-    /// Its value there, in its unit.
-    #[must_use]
-    pub fn number(&self, environment: &Environment<'_>) -> f64 {
-        self.formula.number(environment)
-    }
-
-    /// The sign with which it has the sense of its name: a law has a coefficient of either sign.
-    #[must_use]
-    pub fn sense(&self) -> f64 {
-        if self.name == "tilt_y" { -1.0 } else { 1.0 }
-    }
-
     /// In words: "the yaw rate".
-    #[must_use]
     pub fn words(&self) -> String {
         format!("the {}", self.name.replace('_', " "))
     }
 
     /// Whether it is an angle, of which laws are sines and cosines.
-    #[must_use]
     pub fn is_angle(&self) -> bool {
         self.name == "yaw"
     }
 
     /// The axis of the body about which it is the rate.
-    #[must_use]
     pub fn rate_axis(&self) -> Option<usize> {
         COMMON.iter().take(3).position(|row| row.0 == self.name)
     }
@@ -119,7 +100,6 @@ impl Quantity {
 
     /// Where shapes have their zero, and the unit of which they are functions, for values from `low` to `high`: half the largest size; of what
     /// wanders the middle, and half the range. None of what stays the same.
-    #[must_use]
     pub fn scale(&self, (low, high): (f64, f64)) -> Option<(f64, f64)> {
         if self.is_angle() {
             return Some((0.0, 1.0));
@@ -134,7 +114,6 @@ impl Quantity {
 
 /// What quantities are computed of, at an instant of a run \[s\] with this attitude (v_world = q v_body), rate of the body, body axes [rad/s], and
 /// speeds of the wheels [rad/s]: channels have their last values.
-#[must_use]
 pub fn environment<'a>(
     model: &'a PlatformModel,
     recording: &'a Recording,
@@ -144,13 +123,11 @@ pub fn environment<'a>(
 ) -> Environment<'a> {
     let last = |series: &Series<f64>| series.held_at(time_s).or(series.value.first()).copied().unwrap_or(0.0);
     let commands = &recording.wheel_torque_command_n_m;
+    let command = commands.held_at(time_s).or(commands.value.first());
     Environment {
         time_s,
         wheel_speed_rad_s,
-        wheel_motor_torque_n_m: commands
-            .held_at(time_s)
-            .or(commands.value.first())
-            .map_or(&[], Vec::as_slice),
+        wheel_motor_torque_n_m: command.map_or(&[], Vec::as_slice),
         tank_pressure_pa: last(&recording.tank_pressure_pa),
         bus_voltage_v: last(&recording.bus_voltage_v),
         temperature_k: last(&recording.temperature_k),

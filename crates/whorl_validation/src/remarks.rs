@@ -16,7 +16,7 @@ pub(crate) fn remarks(case: &Prepared<'_>, noise: &Noise, stated: &Noise) -> Vec
     let uncommanded = recording.wheel_torque_command_n_m.is_empty();
     let of_channels = [
         (
-            case.commands().wheel_torque_from_speed,
+            uncommanded && !unread,
             "The wheels' torque commands were not recorded: the model's wheels are driven along their measured speeds, so errors of the wheels themselves do not show.",
         ),
         (
@@ -40,55 +40,44 @@ pub(crate) fn remarks(case: &Prepared<'_>, noise: &Noise, stated: &Noise) -> Vec
             "The jets' commands were not recorded: firings would appear as unknown torques.",
         ),
         (
-            !is_moving(case, noise),
+            !case.components().any(|component| moves(case, component, noise.of(component))),
             "No rate and no speed moves beyond its noise in this run: whether the model moves as the platform does, it does not show.",
         ),
     ];
     let applies = of_channels.into_iter().filter(|(applies, _)| *applies);
     let mut remarks: Vec<String> = applies.map(|(_, text)| text.to_owned()).collect();
     remarks.extend(recording.partial_accelerometer().filter(|_| !clamped && model.freedom.has_weight()));
-    remarks.extend(levels(case, noise, stated));
-    remarks
-}
-
-/// Sensors whose noise is not the stated one; each vector sensor has its own.
-fn levels(case: &Prepared<'_>, noise: &Noise, stated: &Noise) -> Vec<String> {
-    let several = case.recording().vectors.len() > 1;
+    // Sensors whose noise is not the stated one; each vector sensor has its own.
     let components: Vec<Component> = case.components().collect();
-    let told = |of: &[Component]| {
-        let whose = match of.first()?.channel {
+    for of in components.chunk_by(|a, b| (a.channel, a.sensor()) == (b.channel, b.sensor())) {
+        let whose = match of[0].channel {
             Channel::Gyro => "gyro's".to_owned(),
             Channel::Accelerometer => "accelerometer's".to_owned(),
             Channel::WheelSpeed => "tachometers'".to_owned(),
-            Channel::Vector if several => format!("vector sensor {}'s", of[0].sensor() + 1),
-            Channel::Vector => "vector sensor's".to_owned(),
-            _ => return None,
+            Channel::Vector if recording.vectors.len() < 2 => "vector sensor's".to_owned(),
+            Channel::Vector => format!("vector sensor {}'s", of[0].sensor() + 1),
+            _ => continue,
         };
         let ratios = || of.iter().map(|component| noise.of(*component) / stated.of(*component));
         let (least, most) = (ratios().fold(f64::INFINITY, f64::min), ratios().fold(0.0, f64::max));
-        let times =
-            if least < 0.995 * most { format!("{least:.2} to {most:.2}") } else { format!("{most:.2}") };
-        (most > WORTH_SAYING || least < 1.0 / WORTH_SAYING).then(|| {
-            format!("The {whose} noise in this run is {times} times what the platform's file states; that of the run is used.")
-        })
-    };
-    components.chunk_by(|a, b| (a.channel, a.sensor()) == (b.channel, b.sensor())).filter_map(told).collect()
+        let lower = if least < 0.995 * most { format!("{least:.2} to ") } else { String::new() };
+        if most > WORTH_SAYING || least < 1.0 / WORTH_SAYING {
+            remarks.push(format!("The {whose} noise in this run is {lower}{most:.2} times what the platform's file states; that of the run is used."));
+        }
+    }
+    remarks
 }
 
-/// Whether any rate or speed changes by more than its noise.
-fn is_moving(case: &Prepared<'_>, noise: &Noise) -> bool {
-    let moves = |component: Component| {
-        let series = case.recording().series(component.channel, component.sensor())?;
-        let numbers = || {
-            let of = |k| series.number(k, component.index()).filter(|x| x.is_finite());
-            (0..series.time_s().len()).filter_map(of)
-        };
-        let first = numbers().next()?;
-        let (sum, squares, count) = numbers().fold((0.0, 0.0, 0.0), |(sum, squares, count), x| {
-            (sum + (x - first), squares + (x - first).powi(2), count + 1.0)
-        });
-        Some(squares - sum * sum / count > MOVES * noise.of(component).powi(2) * count)
-    };
-    let rates = case.components().filter(|c| matches!(c.channel, Channel::Gyro | Channel::WheelSpeed));
-    rates.into_iter().any(|component| moves(component).unwrap_or(false))
+/// Whether a rate or a speed changes by more than its noise.
+fn moves(case: &Prepared<'_>, component: Component, noise: f64) -> bool {
+    let is_rate = matches!(component.channel, Channel::Gyro | Channel::WheelSpeed);
+    let series = case.recording().series(component.channel, component.sensor()).filter(|_| is_rate);
+    let values = series.into_iter().flat_map(|series| {
+        let number = move |k| series.number(k, component.index()).filter(|x: &f64| x.is_finite());
+        (0..series.time_s().len()).filter_map(number)
+    });
+    let values: Vec<f64> = values.collect();
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let squares: f64 = values.iter().map(|x| (x - mean).powi(2)).sum();
+    squares > MOVES * noise.powi(2) * values.len() as f64
 }

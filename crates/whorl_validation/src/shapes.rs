@@ -55,8 +55,7 @@ pub struct Shape {
 const fn shape(
     of: fn(f64) -> f64,
     (text, words): (&'static str, &'static str),
-    (parity, growth): (Parity, Growth),
-    (symbols, power): (f64, i32),
+    (parity, growth, symbols, power): (Parity, Growth, f64, i32),
     parameter: Option<(&'static str, f64, &'static str)>,
 ) -> Shape {
     Shape { of, text, words, parity, growth, symbols, power, parameter }
@@ -65,41 +64,32 @@ const fn shape(
 const NEITHER: Parity = Parity::None;
 const WIDTH: Option<(&str, f64, &str)> = Some(("width", 0.05, "Width of the step."));
 const LIMIT: Option<(&str, f64, &str)> = Some(("limit", 0.6, "Where it saturates."));
-const EDGE: Option<(&str, f64, &str)> = Some(("edge", 0.6, "Half-width of the dead zone."));
-
-/// Every shape; a diagnosis tries the first [`OF_DIAGNOSIS`].
-pub static SHAPES: [Shape; 8] = [
-    shape(|u| u, ("{x}", "{x}"), (Odd, Linear), (0.0, 1), None),
-    shape(|u| u * u, ("{x}^2", "the square of {x}"), (Even, Superlinear), (1.0, 2), None),
-    shape(|u| u * u * u, ("{x}^3", "the cube of {x}"), (Odd, Superlinear), (1.0, 3), None),
-    shape(f64::abs, ("abs({x})", "the size of {x}"), (Even, Linear), (1.0, 1), None),
-    shape(|u| u / u.hypot(0.05), ("sign({x}, {p})", "the sign of {x}"), (Odd, Saturates), (1.0, 0), WIDTH),
-    shape(
-        |u| u * u.abs(),
-        ("abs({x}) * {x}", "the signed square of {x}"),
-        (Odd, Superlinear),
-        (1.0, 2),
-        None,
-    ),
-    shape(|u| u.clamp(-0.6, 0.6), ("limit({x}, {p})", "{x}, saturating"), (Odd, Saturates), (2.0, 1), LIMIT),
-    shape(
-        |u| u - u.clamp(-0.6, 0.6),
-        ("beyond({x}, {p})", "{x} beyond a dead zone"),
-        (Odd, Superlinear),
-        (2.0, 1),
-        EDGE,
-    ),
-];
-
 /// How many shapes a diagnosis tries.
 pub const OF_DIAGNOSIS: usize = 5;
 
+/// Every shape; a diagnosis tries the first [`OF_DIAGNOSIS`].
+pub static SHAPES: [Shape; 8] = [
+    shape(|u| u, ("{x}", "{x}"), (Odd, Linear, 0.0, 1), None),
+    shape(|u| u * u, ("{x}^2", "the square of {x}"), (Even, Superlinear, 1.0, 2), None),
+    shape(|u| u * u * u, ("{x}^3", "the cube of {x}"), (Odd, Superlinear, 1.0, 3), None),
+    shape(f64::abs, ("abs({x})", "the size of {x}"), (Even, Linear, 1.0, 1), None),
+    shape(|u| u / u.hypot(0.05), ("sign({x}, {p})", "the sign of {x}"), (Odd, Saturates, 1.0, 0), WIDTH),
+    shape(|u| u * u.abs(), ("abs({x}) * {x}", "the signed square of {x}"), (Odd, Superlinear, 1.0, 2), None),
+    shape(|u| u.clamp(-0.6, 0.6), ("limit({x}, {p})", "{x}, saturating"), (Odd, Saturates, 2.0, 1), LIMIT),
+    shape(
+        |u| u - u.clamp(-0.6, 0.6),
+        ("beyond({x}, {p})", "{x} beyond a dead zone"),
+        (Odd, Superlinear, 2.0, 1),
+        Some(("edge", 0.6, "Half-width of the dead zone.")),
+    ),
+];
+
 /// Those of an angle, sine and cosine of each harmonic.
 pub static HARMONICS: [Shape; 6] = [
-    shape(|u| u.sin(), ("sin({x})", "the sine of {x}"), (NEITHER, Unclear), (1.0, 0), None),
-    shape(|u| u.cos(), ("cos({x})", "the cosine of {x}"), (NEITHER, Unclear), (1.0, 0), None),
-    shape(|u| (2.0 * u).sin(), ("sin(2 * {x})", "the sine of 2 * {x}"), (NEITHER, Unclear), (2.0, 0), None),
-    shape(|u| (2.0 * u).cos(), ("cos(2 * {x})", "the cosine of 2 * {x}"), (NEITHER, Unclear), (2.0, 0), None),
-    shape(|u| (3.0 * u).sin(), ("sin(3 * {x})", "the sine of 3 * {x}"), (NEITHER, Unclear), (3.0, 0), None),
-    shape(|u| (3.0 * u).cos(), ("cos(3 * {x})", "the cosine of 3 * {x}"), (NEITHER, Unclear), (3.0, 0), None),
+    shape(|u| u.sin(), ("sin({x})", "the sine of {x}"), (NEITHER, Unclear, 1.0, 0), None),
+    shape(|u| u.cos(), ("cos({x})", "the cosine of {x}"), (NEITHER, Unclear, 1.0, 0), None),
+    shape(|u| (2.0 * u).sin(), ("sin(2 * {x})", "the sine of 2 * {x}"), (NEITHER, Unclear, 2.0, 0), None),
+    shape(|u| (2.0 * u).cos(), ("cos(2 * {x})", "the cosine of 2 * {x}"), (NEITHER, Unclear, 2.0, 0), None),
+    shape(|u| (3.0 * u).sin(), ("sin(3 * {x})", "the sine of 3 * {x}"), (NEITHER, Unclear, 3.0, 0), None),
+    shape(|u| (3.0 * u).cos(), ("cos(3 * {x})", "the cosine of 3 * {x}"), (NEITHER, Unclear, 3.0, 0), None),
 ];

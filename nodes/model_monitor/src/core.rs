@@ -4,7 +4,9 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 
-use whorl_monitoring::{Fit, Monitor, MonitorError, State};
+use whorl_dynamics::PlantError;
+use whorl_dynamics::actuators::Kind;
+use whorl_monitoring::{Channel, Fit, Monitor, State};
 use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::topics::{Message, Route, Topic};
@@ -22,24 +24,27 @@ const CONTROL_STALE_S: f64 = 1.0;
 /// The model monitor of one platform.
 pub struct ModelMonitorCore {
     parameters: Parameters,
-    /// `None`: disabled, or of a kind that is not watched.
-    monitor: Option<Monitor>,
-    why_not: Option<String>,
+    /// Else why there is none: disabled, or of a kind that is not watched.
+    monitor: Result<Monitor, String>,
     controlled_at: Option<Timestamp>,
     state: State,
     sequence: u64,
     next_diagnostics: Option<Timestamp>,
 }
 
-fn monitor_of(parameters: &Parameters) -> Result<(Option<Monitor>, Option<String>), MonitorError> {
+/// A monitor; else why there is none.
+fn monitor_of(parameters: &Parameters) -> Result<Result<Monitor, String>, PlantError> {
     if !parameters.enabled {
-        return Ok((None, Some("switched off by `enabled`".to_owned())));
+        return Ok(Err("switched off by `enabled`".to_owned()));
     }
-    match Monitor::new(&parameters.model, &parameters.prior, &parameters.settings) {
-        Ok(monitor) => Ok((Some(monitor), None)),
-        Err(error @ MonitorError::OtherActuators(_)) => Ok((None, Some(error.to_string()))),
-        Err(error) => Err(error),
+    let motors = Kind::ALL.into_iter().zip(parameters.model.actuators.motor_ranges());
+    let mut others = motors.filter(|(kind, range)| *kind != Kind::Wheels && !range.is_empty());
+    if let Some((kind, _)) = others.next() {
+        return Ok(Err(format!(
+            "the model has motors of another kind ({kind:?}): only wheels and jets are watched"
+        )));
     }
+    Monitor::new(&parameters.model, &parameters.prior, &parameters.settings).map(Ok)
 }
 
 impl ModelMonitorCore {
@@ -47,12 +52,10 @@ impl ModelMonitorCore {
     ///
     /// # Errors
     /// When the model cannot be simulated.
-    pub fn new(parameters: Parameters) -> Result<Self, MonitorError> {
-        let (monitor, why_not) = monitor_of(&parameters)?;
+    pub fn new(parameters: Parameters) -> Result<Self, PlantError> {
         Ok(Self {
+            monitor: monitor_of(&parameters)?,
             parameters,
-            monitor,
-            why_not,
             controlled_at: None,
             state: State::Waiting,
             sequence: 0,
@@ -70,7 +73,10 @@ impl ModelMonitorCore {
             return;
         }
         let stamp_ns = stamp.unwrap_or(now).0;
-        let Some(monitor) = &mut self.monitor else { return };
+        let Ok(monitor) = &mut self.monitor else { return };
+        let model = &self.parameters.model;
+        let (wheels, jets) = (model.wheels().len(), model.jets().len());
+        let fits = |numbers: &[f64], count| numbers.len() == count && numbers.iter().all(|x| x.is_finite());
         match message {
             Message::ControlStatus(status) => {
                 if status.mode == ControlStatus::MODE_IDLE || status.mode == ControlStatus::MODE_SAFE_COAST {
@@ -83,10 +89,16 @@ impl ModelMonitorCore {
             }
             _ if self.controlled_at.is_none() => {}
             Message::Imu(imu) => monitor.on_gyro(stamp_ns, &imu.angular_velocity.into()),
-            Message::JointState(state) if route.topic == Topic::WheelState => {
+            Message::JointState(state)
+                if route.topic == Topic::WheelState
+                    && fits(&state.velocity, wheels)
+                    && fits(&state.effort, wheels) =>
+            {
                 monitor.on_wheels(stamp_ns, &state.velocity, &state.effort);
             }
-            Message::ThrusterState(state) => {
+            Message::ThrusterState(state)
+                if fits(&state.total_on_time_s, jets) && state.valve_open.len() == jets =>
+            {
                 monitor.on_valves(stamp_ns, &state.valve_open, &state.total_on_time_s);
             }
             Message::Vector3Stamped(moment) if route.topic == Topic::BallastMoment => {
@@ -110,7 +122,7 @@ impl ModelMonitorCore {
         let stale = |since: Timestamp| now.seconds_since(since) > CONTROL_STALE_S;
         if self.controlled_at.is_some_and(stale) {
             self.controlled_at = None;
-            if let Some(monitor) = &mut self.monitor {
+            if let Ok(monitor) = &mut self.monitor {
                 monitor.pause();
             }
         }
@@ -126,9 +138,9 @@ impl ModelMonitorCore {
         };
         self.sequence += 1;
         let (mut hole, mut holes) = (None, 0);
-        if let Some(monitor) = &mut self.monitor {
+        if let Ok(monitor) = &mut self.monitor {
             let fit = monitor.fit();
-            fill(&mut message, &fit);
+            fill(&mut message, &fit, self.parameters.model.wheels().len());
             (hole, holes) = (fit.hole, fit.holes);
             if fit.state != self.state {
                 let level = if fit.state == State::Mismatch { LogLevel::Warn } else { LogLevel::Info };
@@ -161,7 +173,7 @@ impl ModelMonitorCore {
         let status = DiagnosticStatus {
             level: if self.state == State::Mismatch { DiagnosticStatus::WARN } else { DiagnosticStatus::OK },
             name: format!("{}: model_monitor", self.parameters.name),
-            message: self.why_not.clone().or(waits).unwrap_or_else(|| fit.in_words()),
+            message: self.monitor.as_ref().err().cloned().or(waits).unwrap_or_else(|| fit.in_words()),
             hardware_id: self.parameters.name.clone(),
             values: values
                 .iter()
@@ -173,7 +185,7 @@ impl ModelMonitorCore {
     }
 }
 
-fn fill(message: &mut ModelFit, fit: &Fit) {
+fn fill(message: &mut ModelFit, fit: &Fit, wheels: usize) {
     if let Some(stamp_ns) = fit.stamp_ns {
         message.header.stamp = Timestamp(stamp_ns).into();
     }
@@ -183,25 +195,34 @@ fn fill(message: &mut ModelFit, fit: &Fit) {
         State::Doubt => ModelFit::STATE_DOUBT,
         State::Mismatch => ModelFit::STATE_MISMATCH,
     };
-    message.gyro_whitened = fit.gyro.into();
-    message.wheel_speed_whitened.clone_from(&fit.wheel_speed);
+    let mut gyro = Vector3::repeat(f64::NAN);
+    message.wheel_speed_whitened = vec![f64::NAN; wheels];
+    for (component, whitened) in &fit.whitened {
+        let wheel = message.wheel_speed_whitened.get_mut(component.index());
+        match (component.channel, wheel) {
+            (Channel::Gyro, _) => gyro[component.index()] = *whitened,
+            (_, Some(wheel)) => *wheel = *whitened,
+            (_, None) => {}
+        }
+    }
+    message.gyro_whitened = gyro.into();
     (message.squares, message.squares_dof) = fit.squares;
     message.ln_evidence = fit.ln_evidence;
     let Some(likeliest) = &fit.likeliest else { return };
     message.effect.clone_from(&likeliest.effect);
     message.probability = likeliest.probability;
     message.since = Timestamp(likeliest.since_ns).into();
-    for parameter in &likeliest.parameters {
-        message.parameter.push(parameter.name.clone());
-        message.unit.push(parameter.unit.to_owned());
-        message.estimate.push(parameter.estimate);
-        message.stddev.push(parameter.stddev);
+    for (name, [value, stddev], unit) in &likeliest.parameters {
+        message.parameter.push(name.clone());
+        message.unit.push((*unit).to_owned());
+        message.estimate.push(*value);
+        message.stddev.push(*stddev);
     }
 }
 
 impl NodeCore for ModelMonitorCore {
     fn subscriptions(&self) -> Vec<Route> {
-        if self.monitor.is_none() {
+        if self.monitor.is_err() {
             return Vec::new();
         }
         let topics = [
@@ -226,7 +247,7 @@ impl NodeCore for ModelMonitorCore {
 
     /// One that does not watch has nothing to do that a thread would be worth.
     fn speaks_at_timer_only(&self) -> bool {
-        self.monitor.is_some()
+        self.monitor.is_ok()
     }
 
     fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs) {
@@ -234,7 +255,7 @@ impl NodeCore for ModelMonitorCore {
             Event::Message { route, message } => self.take(now, route, message),
             Event::Timer => self.publish(now, outputs),
             Event::Interruption => {
-                if let Some(monitor) = &mut self.monitor {
+                if let Ok(monitor) = &mut self.monitor {
                     monitor.pause();
                 }
             }
@@ -257,14 +278,10 @@ impl Configurable for ModelMonitorCore {
         if parameters.enabled != own.enabled {
             return Err("the monitor cannot be switched on or off while it runs".to_owned());
         }
-        if (&parameters.model, &parameters.prior, &parameters.settings)
-            != (&own.model, &own.prior, &own.settings)
+        if (&parameters.model, &parameters.prior, &parameters.settings, parameters.forget)
+            != (&own.model, &own.prior, &own.settings, own.forget)
         {
-            (self.monitor, self.why_not) = monitor_of(parameters).map_err(|error| error.to_string())?;
-        } else if parameters.forget != own.forget
-            && let Some(monitor) = &mut self.monitor
-        {
-            monitor.forget();
+            self.monitor = monitor_of(parameters).map_err(|error| error.to_string())?;
         }
         self.parameters = parameters.clone();
         Ok(())

@@ -1,7 +1,7 @@
 //! A proposal as a table, and text in lines.
 
 use whorl_explain::Proposal;
-use whorl_explain::propose::log_odds_in_words;
+use whorl_math::three_digits;
 
 /// Headings of [`rows`].
 pub const HEADINGS: [&str; 8] = [
@@ -17,7 +17,7 @@ pub const HEADINGS: [&str; 8] = [
 
 /// A row for each manoeuvre, best first, after a row for the data at hand.
 pub fn rows(proposal: &Proposal) -> Vec<Vec<String>> {
-    let odds = |o: Option<f64>| o.map_or_else(|| "-".to_owned(), log_odds_in_words);
+    let odds = |o: Option<f64>| o.map_or_else(|| "-".to_owned(), three_digits);
     let mut rows = vec![vec![
         "(the data at hand)".to_owned(),
         odds(proposal.now.log_odds),

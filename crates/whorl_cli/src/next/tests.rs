@@ -18,7 +18,7 @@ fn every_manoeuvre_is_an_experiment_that_the_nodes_accept() {
         let known =
             whorl_recording::read_model(&parameters().join(format!("{platform}.yaml")), None).unwrap();
         let all = family(&known.model, 1.0);
-        assert_eq!(all.len(), 6);
+        assert_eq!(all.len(), 4);
         for manoeuvre in &all {
             let text = manoeuvre.yaml(manoeuvre.name, platform, &["why: because".to_owned()]);
             let file = directory.path().join(format!("{}.yaml", manoeuvre.name));

@@ -30,7 +30,7 @@ macro_rules! motion {
         /// Torques and flows within each kind at one instant.
         #[derive(Debug, Clone, Default)]
         pub(crate) struct Forces {
-            $($(#[$row])* $module: super::$module::Forces,)*
+            $($(#[$row])* pub(crate) $module: super::$module::Forces,)*
         }
 
         /// What [`KindDynamics`] says of each kind, of all of them in the order of the table.

@@ -1,7 +1,7 @@
 //! Drag in a gimbal's bearing.
 
 use super::named::{Named as _, parameters, per_gyro};
-use super::{Effect, EffectError, EffectInfo, EffectKind, Evidence, ParameterSpec, Signature};
+use super::{Effect, EffectError, EffectInfo, EffectKind, Evidence, ParameterSpec};
 use crate::PlatformModel;
 use crate::actuators::control_moment_gyros::Gyro;
 
@@ -62,12 +62,8 @@ impl Effect for GimbalFriction {
         Ok(())
     }
 
-    /// The body's motion does not show it: the gimbals' does.
+    /// The body's motion does not show it: the gimbals' does, which is taken as measured.
     fn evidence(&self) -> Evidence {
         &[]
-    }
-
-    fn signature(&self) -> Option<Signature> {
-        Some(Signature::GimbalDrag)
     }
 }

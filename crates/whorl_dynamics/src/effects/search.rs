@@ -248,9 +248,6 @@ pub enum Signature {
     /// A torque across each wheel's axis that turns with it and goes with its speed squared; the parameter of each
     /// wheel is its size [kg m^2].
     WheelTurn,
-    /// Torque of gimbals' motors that the motion of neither gimbals nor body explains: of each gyro the parameters are the
-    /// viscous friction and the Coulomb friction, in this order.
-    GimbalDrag,
     /// One frequency in the inertial sensors, too fast for a regression.
     SensorLine {
         /// Parameters of the amplitude in each gyro axis [rad/s].

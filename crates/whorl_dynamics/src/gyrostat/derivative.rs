@@ -5,6 +5,7 @@ use whorl_math::{quaternion_rate, vertical_b};
 
 use super::{Gyrostat, RateEquation, State};
 use crate::Environment;
+use crate::actuators::wheels::MAX_WHEELS;
 use crate::actuators::{Actuators, Drives, Forces, Instant, OnBody, States};
 use crate::effects::{MAX_HIDDEN_STATES, Touching, contact_torque_b_n_m, is_clear};
 
@@ -26,23 +27,22 @@ pub(crate) struct Derivative {
 /// Torques that fade at different rates at most.
 pub const MAX_DISTURBANCES: usize = 3;
 
-/// A torque on the body that fades.
+/// Torques that fade.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Fading {
-    /// At `since_s`, body axes [N m].
-    pub torque_b_n_m: Vector3<f64>,
+pub(crate) struct Fading<T> {
+    /// At `since_s` [N m]: on the body, body axes, or on each wheel about its axis.
+    pub torque_n_m: T,
     /// Time since the start of the run \[s\].
     pub since_s: f64,
     /// Inverse of the time in which it fades [1/s].
     pub rate_1_s: f64,
 }
 
-impl Fading {
-    fn at_b_n_m(&self, time_s: f64) -> Vector3<f64> {
-        if self.torque_b_n_m == Vector3::zeros() {
-            return self.torque_b_n_m;
-        }
-        self.torque_b_n_m * (-self.rate_1_s * (time_s - self.since_s)).exp()
+impl<T: Copy + Default + PartialEq> Fading<T> {
+    /// The torques as they were, and what is left of them; `None` where there are none.
+    fn at(&self, time_s: f64) -> Option<(T, f64)> {
+        let left = || (-self.rate_1_s * (time_s - self.since_s)).exp();
+        (self.torque_n_m != T::default()).then(|| (self.torque_n_m, left()))
     }
 }
 
@@ -56,7 +56,9 @@ pub(crate) struct Drive {
     /// Torque on the body from outside the platform, body axes [N m].
     pub body_torque_b_n_m: Vector3<f64>,
     /// Torques besides it that nobody commands: an estimate's.
-    pub disturbances: [Fading; MAX_DISTURBANCES],
+    pub disturbances: [Fading<Vector3<f64>>; MAX_DISTURBANCES],
+    /// The same of the wheels' motors.
+    pub motor_disturbances: Fading<[f64; MAX_WHEELS]>,
     /// The body is held still (wheel bench test).
     pub clamped: bool,
     /// Branch of the bearing's own stop.
@@ -72,6 +74,7 @@ impl Drive {
             equation: *gyrostat.rate_equation(),
             body_torque_b_n_m: Vector3::zeros(),
             disturbances: [Fading::default(); MAX_DISTURBANCES],
+            motor_disturbances: Fading::default(),
             clamped: false,
             stop: Touching::AsItIs,
             contact: Touching::AsItIs,
@@ -225,7 +228,12 @@ impl Gyrostat {
         actuators.act(at, &state.actuators, &drive.actuators, &omega, &mut body, forces);
         let mut torque = body.torque_b_n_m
             + drive.body_torque_b_n_m
-            + drive.disturbances.iter().map(|of| of.at_b_n_m(at.time_s)).sum::<Vector3<f64>>()
+            + drive
+                .disturbances
+                .iter()
+                .filter_map(|of| of.at(at.time_s))
+                .map(|(of, left)| of * left)
+                .sum::<Vector3<f64>>()
             + drive.equation.gravity_torque_n_m(&body.gravity_offset_b_n_m, &vertical_b);
         if let Some(of_stop) = self.stop_torque_b_n_m(&vertical_b, &omega, drive.stop) {
             torque += of_stop;
@@ -233,6 +241,9 @@ impl Gyrostat {
         if let Some((environment, of_effects)) = environment.as_ref().zip(of_effects) {
             torque += of_effects;
             actuators.add_effects(&self.effects, environment, &state.actuators, forces);
+        }
+        if let Some((of_motors, left)) = drive.motor_disturbances.at(at.time_s) {
+            forces.wheels.iter_mut().zip(of_motors).for_each(|(sum, torque_n_m)| *sum += torque_n_m * left);
         }
 
         let omega_dot = if drive.clamped {

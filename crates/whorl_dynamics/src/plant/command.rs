@@ -7,6 +7,7 @@ use thiserror::Error;
 
 use super::{Plant, PlantError};
 use crate::actuators::Kind;
+use crate::actuators::wheels::MAX_WHEELS;
 use crate::gyrostat::Fading;
 
 /// Why a command was refused. The plant is then unchanged.
@@ -91,13 +92,23 @@ impl Plant {
         if let Some(slot) = self.drive.disturbances.get_mut(which)
             && torque_b_n_m.iter().chain([&rate_1_s]).copied().all(f64::is_finite)
         {
-            *slot = Fading { torque_b_n_m, since_s, rate_1_s };
+            *slot = Fading { torque_n_m: torque_b_n_m, since_s, rate_1_s };
+        }
+    }
+
+    /// The same of the wheels' motors, about their axes, beside what is commanded; a wheel that dry friction holds it does not move.
+    pub fn set_motor_disturbances(&mut self, torque_n_m: impl Iterator<Item = f64>, rate_1_s: f64) {
+        let mut of = Fading { torque_n_m: [0.0; MAX_WHEELS], since_s: self.time_s(), rate_1_s };
+        of.torque_n_m.iter_mut().zip(torque_n_m).for_each(|(slot, torque_n_m)| *slot = torque_n_m);
+        if of.torque_n_m.iter().chain([&rate_1_s]).all(|x| x.is_finite()) {
+            self.drive.motor_disturbances = of;
         }
     }
 
     /// No such torque.
     pub fn clear_disturbances(&mut self) {
         self.drive.disturbances = Default::default();
+        self.drive.motor_disturbances = Default::default();
     }
 
     /// Puts body and wheels into another motion now, as where a prediction starts from a new estimate.

@@ -36,6 +36,7 @@ impl Plant {
         self.state.set_wheel_speed_rad_s(other.state.wheel_speed_rad_s());
         self.state.hidden = other.state.hidden;
         self.drive.disturbances = other.drive.disturbances;
+        self.drive.motor_disturbances = other.drive.motor_disturbances;
         self.behind_filter = other.behind_filter;
         self.mean_inputs = other.mean_inputs;
         self.keep_parts();

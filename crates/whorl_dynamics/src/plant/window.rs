@@ -31,16 +31,30 @@ impl Plant {
     /// By how much the angular acceleration that the accelerometer shows is more than that of the instant [rad/s^2], which `seen` shows:
     /// over a window inputs jump, and the rest of the motion is as in its middle.
     pub(super) fn over_window_b_rad_s2(&self, seen: &Environment<'_>, drive: &Drive) -> Vector3<f64> {
-        let Some(mean) = self.mean_inputs.as_ref().filter(|_| !drive.clamped) else {
+        self.mean_inputs.as_ref().map_or(Vector3::zeros(), |mean| self.by_inputs_b_rad_s2(mean, seen, drive))
+    }
+
+    /// What effects see of these inputs on average in the state as it is now, angular acceleration included.
+    #[must_use]
+    pub fn environment_over<'a>(&'a self, mean: &'a MeanInputs) -> Environment<'a> {
+        let mut seen = self.environment();
+        seen.omega_dot_wb_b_rad_s2 += self.by_inputs_b_rad_s2(mean, &seen, &self.drive);
+        seen.valve_fraction = &mean.valve_fraction[..seen.valve_fraction.len()];
+        seen.wheel_motor_torque_n_m = &mean.wheel_torque_n_m[..seen.wheel_motor_torque_n_m.len()];
+        seen
+    }
+
+    /// By how much the angular acceleration under these inputs is more than under those of the instant [rad/s^2], which `seen` shows.
+    fn by_inputs_b_rad_s2(&self, mean: &MeanInputs, seen: &Environment<'_>, drive: &Drive) -> Vector3<f64> {
+        if drive.clamped {
             return Vector3::zeros();
-        };
+        }
         let mut torque = mean.body_torque_b_n_m - drive.body_torque_b_n_m;
         let jets = drive.actuators.jets.valves.drive(self.now_ns, 0.0);
         // Most of the time no jet blows, and a power is expensive.
         if jets.thrust_n != 0.0 || mean.valve_fraction.iter().any(|fraction| *fraction != 0.0) {
             let over = Environment { valve_fraction: &mean.valve_fraction, ..*seen };
-            let pressure = self.gyrostat.thrust_factor(seen.pressure_ratio());
-            let now = jets.torque_b_n_m * (pressure * self.gyrostat.effects().thrust_factor(seen));
+            let now = jets.torque_b_n_m * self.gyrostat.jet_factor(seen);
             torque += self.gyrostat.jet_torque_b_n_m(&over) - now;
         }
         let wheels = self.gyrostat.model().wheels().iter().zip(mean.wheel_torque_n_m);

@@ -18,10 +18,10 @@ fn manoeuvres(platform: &str, scale: f64) -> Vec<Manoeuvre> {
 #[test]
 fn tilts_stay_a_degree_within_the_bearing() {
     let all = manoeuvres("whorl_1", 1.0);
-    let (pitch, roll) = all[0].balance_deg;
+    let [pitch, roll] = all[0].balance_deg;
     assert!((pitch + 0.57).abs() < 0.02 && (roll - 2.0).abs() < 0.02);
     let mut tilts = 0;
-    for step in all.iter().flat_map(|m| &m.steps) {
+    for step in all.iter().flat_map(|m| m.steps.lines()) {
         let number = |key: &str| {
             let behind = step.split(key).nth(1)?.trim_start_matches(": ");
             behind.split([',', '}']).next()?.parse::<f64>().ok()
@@ -34,7 +34,7 @@ fn tilts_stay_a_degree_within_the_bearing() {
         assert!(tilt <= 4.1, "{step}");
         tilts += usize::from(tilt > 0.0);
     }
-    assert!(tilts >= 9, "{tilts}");
+    assert!(tilts >= 5, "{tilts}");
 }
 
 #[test]
@@ -54,7 +54,6 @@ fn a_run_is_proposed_only_where_something_is_in_doubt() {
     let sets = [vec!["bearing_viscous_friction".to_owned()], vec!["harness_spring".to_owned()]];
     let expected = |odds: Option<f64>, shown: &[&str]| ExpectedInformation {
         log_odds: odds,
-        told_apart: odds.map(|_| 0.9),
         shown: shown.iter().map(|id| (*id).to_owned()).collect(),
         not_shown: vec!["slosh".to_owned()],
     };

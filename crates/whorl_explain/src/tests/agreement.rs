@@ -50,7 +50,7 @@ fn the_prediction_error_is_the_same_in_comparison_diagnosis_and_adoption() {
     }
     // Pooled over runs by their numbers, not a mean of means.
     let errors: Vec<_> = compared.iter().take(2).map(|r| r.comparison.prediction.unwrap()).collect();
-    let squares: f64 = errors.iter().map(|e| e.ratio().powi(2) * e.numbers as f64).sum();
+    let squares: f64 = errors.iter().map(|e| e.squares).sum();
     let numbers: usize = errors.iter().map(|e| e.numbers).sum();
     let pooled = prediction_error(&compared, false).unwrap();
     assert!((pooled - (squares / numbers as f64).sqrt()).abs() < 1e-12);

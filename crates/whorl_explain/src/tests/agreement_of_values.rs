@@ -9,7 +9,6 @@ use whorl_dynamics::{Freedom, ModelPrior, PlatformModel};
 use whorl_identification::{Fit, Options, fit};
 use whorl_recording::{Mounting, Recording};
 
-use crate::propose::leading_explanation;
 use crate::{Case, adopt, diagnose};
 
 const EFFECT: &str = "wheel_friction";
@@ -110,7 +109,7 @@ fn every_command_agrees(together: usize, least: f64) {
     let row = found.candidates.iter().find(|c| c.effect == EFFECT).unwrap();
     let said = row.parameters.iter().find(|p| p.name.contains("coulomb")).unwrap();
     println!("measured: diagnose {:.3e} +- {:.1e}", said.estimate, said.stddev);
-    let next = leading_explanation(&case, &found);
+    let next = &found.fits[&found.effects].model;
 
     assert_eq!(found.effects, [EFFECT]);
     assert_eq!(of_adoption, (value, stddev));

@@ -8,7 +8,7 @@ use whorl_identification::{Fit, Options};
 use whorl_recording::{Recording, Series};
 
 use super::generator::{Manoeuvre, platform, record, turning};
-use crate::adopt::{Adoption, versions};
+use crate::adopt::{Adoption, adopt};
 use crate::{Case, Version};
 
 const EFFECT: &str = "bearing_viscous_friction";
@@ -60,8 +60,7 @@ fn adopted(seed: u64, friction_n_m_s: f64) -> Vec<f64> {
     let prior = ModelPrior::typical(&model);
     let case = Case { training: &training, held_out: &held_out, model: &model, prior: &prior };
     let sets = if friction_n_m_s > 0.0 { vec![vec![EFFECT.to_owned()]] } else { Vec::new() };
-    let Adoption { versions, left_out } =
-        versions(&case, &sets, &BTreeMap::new(), &Options::default(), &mut |_, _| {}).unwrap();
+    let Adoption { versions, left_out } = adopt(&case, &sets, &Options::default(), &mut |_, _| {}).unwrap();
     assert!(left_out.is_empty(), "{seed}: {left_out:?}");
     let error = |version: &Version, held_out| version.prediction_error(held_out).unwrap();
     let errors: Vec<(f64, f64)> = versions.iter().map(|v| (error(v, false), error(v, true))).collect();

@@ -5,7 +5,6 @@ mod agreement_of_values;
 mod driven;
 #[path = "../../../whorl_prediction/src/tests/generator.rs"]
 mod generator;
-mod history;
 mod located;
 mod refits;
 mod trends;

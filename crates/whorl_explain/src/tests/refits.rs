@@ -1,8 +1,6 @@
 //! Numbers that the platform's file states with a prior are refitted within it: friction of a wheel, on turntables that are integrated
 //! here by their own equations.
 
-use std::collections::BTreeMap;
-
 use nalgebra::{Matrix3, Unit, Vector3};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -12,7 +10,7 @@ use whorl_identification::Options;
 use whorl_recording::Recording;
 
 use crate::Case;
-use crate::adopt::{Adoption, versions};
+use crate::adopt::{Adoption, adopt};
 
 /// A table on a shaft along z with a wheel.
 #[derive(Debug, Clone, Copy)]
@@ -115,8 +113,7 @@ fn friction_of_a_wheel_is_refitted_within_its_prior() {
         prior.actuators.wheels.coulomb_friction_n_m = vec![KNOWN * dry];
         let case = Case { training: &training, held_out: &held_out, model: &model, prior: &prior };
         let options = Options::default();
-        let Adoption { versions, .. } =
-            versions(&case, &[], &BTreeMap::new(), &options, &mut |_, _| {}).unwrap();
+        let Adoption { versions, .. } = adopt(&case, &[], &options, &mut |_, _| {}).unwrap();
         let error = |k: usize, held_out| versions[k].prediction_error(held_out).unwrap();
         let said = format!(
             "{table:?}: as given {:.3}, refitted {:.3}, held out {:.3}",
@@ -128,7 +125,7 @@ fn friction_of_a_wheel_is_refitted_within_its_prior() {
         assert!(error(0, false) > 1.2 && error(1, false) < 1.08 && error(1, true) < 1.08, "{said}");
         let fit = versions[1].fit.as_ref().unwrap();
         // What the fit has handed on says what a look at the run from nothing says.
-        let anew = whorl_validation::compare(&training[0], &fit.model).unwrap();
+        let anew = whorl_validation::compare(&training[0], &fit.model, None).unwrap();
         let anew = whorl_validation::prediction_error([&anew]).unwrap();
         assert!((error(1, false) / anew - 1.0).abs() < 0.01, "{said}, anew {anew:.3}");
         let (found, known) = (&fit.model.wheels()[0], &fit.prior.actuators.wheels);

@@ -6,7 +6,7 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_identification::Options;
 
 use super::generator::{Manoeuvre, platform, record, turning};
-use crate::trends::{DatedRun, trends};
+use crate::trends::trends;
 
 /// A jet loses 30 % of its thrust between two pairs of runs, beside a random torque that no model has: the fits leave
 /// something unexplained, and the size of the change must come out all the same.
@@ -27,8 +27,7 @@ fn a_change_has_its_true_size_beside_what_no_fit_explains() {
         record(truth, &Manoeuvre { seed, duration_s: 60.0, jet_period_s: 0.15, ..turning() })
     };
     let recordings = [run(&sound, 1), run(&sound, 2), run(&weak, 3), run(&weak, 4)];
-    let dated = |(k, recording)| DatedRun { recording, began_s: 3600.0 * k as f64 };
-    let runs: Vec<DatedRun<'_>> = recordings.iter().enumerate().map(dated).collect();
+    let runs: Vec<_> = recordings.iter().zip((0..4).map(|k| 3600.0 * f64::from(k))).collect();
     let prior = ModelPrior::typical(&model);
     let found = trends(&runs, &model, &prior, Some(2), &Options::default(), &mut |_, _| {}).unwrap();
     let first = &found.trends[0];

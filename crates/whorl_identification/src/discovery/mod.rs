@@ -1,42 +1,22 @@
 //! Laws that nobody listed.
-//!
-//! Where a model lacks something that no effect of the catalogue explains, [`discover`] searches for its law: the unlisted laws of a diagnosis with
-//! more terms, all of which have an equation ([`crate::grammar::written()`]). Each is a column of the causal filter, so it
-//! competes under the same evidence as the catalogue's effects, beside the platform's own parameters. The best become effects, written
-//! as data, and are fitted where each fits best, together with the model as it is and the catalogue's nearest effects.
+//! Where no effect of the catalogue explains what a model lacks, [`discover`] searches for its law: the unlisted laws of a diagnosis with
+//! more terms, all of which have an equation ([`crate::grammar::written()`]). The best become effects, written as data, and are fitted
+//! like the model as it is and the catalogue's nearest effects.
 
 mod law;
 #[cfg(test)]
 mod tests;
 
 use serde::Serialize;
-use whorl_dynamics::effects::written::{Definition, DefinitionError, WrittenEffect};
-use whorl_dynamics::effects::{RegisterError, find, register, withdraw};
-use whorl_dynamics::{Effect, ModelPrior, PlatformModel};
+use whorl_dynamics::effects::written::{Definition, WrittenEffect};
+use whorl_dynamics::effects::{find, register, withdraw};
+use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_recording::Recording;
 
 use crate::case::Case;
 use crate::selection::Selection;
-use crate::{DiagnosisError, FittedParameter, Options};
+use crate::{DiagnosisError, FittedParameter, Options, Outcome};
 use law::laws;
-
-/// Log prior of something unmodelled, of an effect of the catalogue, as in the diagnosis.
-const UNMODELLED: f64 = 0.01;
-const PRESENT: f64 = 0.005;
-
-/// Why nothing was searched.
-#[derive(Debug, thiserror::Error)]
-pub enum DiscoveryError {
-    /// The recordings cannot be explained at all.
-    #[error(transparent)]
-    Diagnosis(#[from] DiagnosisError),
-    /// A term that was made is no equation.
-    #[error("a term of the search is wrong: {0}")]
-    Term(#[from] DefinitionError),
-    /// An effect of the catalogue has the id of a law that was found.
-    #[error(transparent)]
-    Taken(#[from] RegisterError),
-}
 
 /// A parameter of a law, fitted.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -88,7 +68,6 @@ pub struct Discovery {
 
 impl Discovery {
     /// The most probable law, if one is more probable than nothing and the catalogue.
-    #[must_use]
     pub fn best(&self) -> Option<&EvaluatedLaw> {
         self.laws.first().filter(|law| law.definition.is_some())
     }
@@ -106,7 +85,7 @@ struct Candidate {
 /// `id` becomes the id of the best law.
 ///
 /// # Errors
-/// When the recordings cannot be explained at all.
+/// When the recordings cannot be explained at all, or an effect of the catalogue has the id.
 #[expect(clippy::too_many_arguments, reason = "the case, and what is asked of it")]
 pub fn discover(
     training: &[Recording],
@@ -117,7 +96,7 @@ pub fn discover(
     id: &str,
     options: &Options,
     say: &mut dyn FnMut(f64, &str),
-) -> Result<Discovery, DiscoveryError> {
+) -> Result<Discovery, DiagnosisError> {
     say(0.0, "fitting the platform's own parameters");
     let case = Case::new(training, held_out, model, prior, options)?;
     let selection = Selection::begun(case.runs(), options)?;
@@ -131,35 +110,29 @@ pub fn discover(
             kind: "effect",
             ..EvaluatedLaw::default()
         };
-        Candidate { effects: set.clone(), log_prior: set.len() as f64 * PRESENT.ln(), law }
+        let log_prior = set.len() as f64 * options.settings.present.ln();
+        Candidate { effects: set.clone(), log_prior, law }
     }));
     say(0.5, "fitting the best laws");
     let definitions = || candidates.iter().filter_map(|of| of.law.definition.as_ref());
-    let registered = definitions().try_for_each(|definition| -> Result<(), DiscoveryError> {
+    let registered = definitions().try_for_each(|definition| -> Outcome<()> {
         register(WrittenEffect::new(definition.clone())?)?;
         Ok(())
     });
-    let evaluated_laws = registered.and_then(|()| Ok(evaluated(&selection, &candidates, id)?));
+    let laws = registered.and_then(|()| evaluated(&selection, &candidates, id));
     definitions().for_each(|definition| withdraw(&definition.id));
-    Ok(Discovery { laws: evaluated_laws?, tried })
+    Ok(Discovery { laws: laws?, tried })
 }
 
 /// Each candidate and the model as it is with its probability, most probable first. One that cannot stand is left out: an effect would have to
 /// act against its sign.
-fn evaluated(
-    selection: &Selection<'_>,
-    candidates: &[Candidate],
-    id: &str,
-) -> Result<Vec<EvaluatedLaw>, DiagnosisError> {
+fn evaluated(selection: &Selection<'_>, candidates: &[Candidate], id: &str) -> Outcome<Vec<EvaluatedLaw>> {
     let (runs, base) = (&selection.runs, selection.base());
-    let known = |id: &String| {
-        let effect = find(id).ok_or_else(|| DiagnosisError::UnknownEffect { id: id.clone() })?;
-        Ok(effect.info().id)
-    };
+    let unknown = |id: &String| DiagnosisError::UnknownEffect(id.clone());
+    let known = |id: &String| Ok(find(id).ok_or_else(|| unknown(id))?.info().id);
     let sets = candidates.iter().map(|of| of.effects.iter().map(known).collect());
     let sets: Vec<Vec<&'static str>> = sets.collect::<Result<_, DiagnosisError>>()?;
-    let is_asked = |effect: &dyn Effect| sets.iter().flatten().any(|id| *id == effect.info().id);
-    let beside = selection.beside_of(base, &is_asked)?;
+    let beside = selection.beside_of(base, &|id| sets.iter().flatten().any(|of| *of == id))?;
     let has_held_out = !runs.held_out.is_empty();
     let nothing = EvaluatedLaw {
         sentence: "The model as it is, with a slow random torque where the data need one.".to_owned(),

@@ -15,13 +15,8 @@ impl Normal {
         Self { matrix: DMatrix::zeros(columns, columns), vector: DVector::zeros(columns) }
     }
 
-    /// What recordings say about parameters that are at these values, the slope of their priors included, so that the priors of changes
-    /// are about no change.
-    pub fn about<'h>(
-        hints: impl IntoIterator<Item = &'h Hints>,
-        at: &[f64],
-        parameters: &[Parameter],
-    ) -> Self {
+    /// What recordings say about parameters at these values, the slope of their priors included: priors of changes are about no change.
+    pub fn about<'h>(hints: impl IntoIterator<Item = &'h Hints>, at: &[f64], priors: &[Parameter]) -> Self {
         let mut normal = Self::zeros(0);
         for of_run in hints {
             if normal.vector.is_empty() {
@@ -30,8 +25,8 @@ impl Normal {
             normal.matrix += &of_run.information;
             normal.vector += &of_run.slope;
         }
-        for ((slope, units), parameter) in normal.vector.iter_mut().zip(at).zip(parameters) {
-            *slope -= units / parameter.stddev.powi(2);
+        for ((slope, units), prior) in normal.vector.iter_mut().zip(at).zip(priors) {
+            *slope -= units / prior.stddev.powi(2);
         }
         normal
     }
@@ -53,12 +48,9 @@ impl Normal {
     }
 }
 
-/// A normal fit of some columns.
 #[derive(Debug, Clone)]
 pub(crate) struct Estimate {
-    /// Columns in it.
     pub active: Vec<usize>,
-    /// Their values, in their units.
     pub value: DVector<f64>,
     factor: Cholesky<f64, Dyn>,
     /// Log evidence over that without any change.
@@ -71,11 +63,9 @@ impl Estimate {
     /// Posterior mean and evidence of `active` columns with prior variances.
     pub fn new(normal: &Normal, active: &[usize], variance: impl Fn(usize) -> f64) -> Option<Self> {
         let variances: Vec<f64> = active.iter().map(|i| variance(*i)).collect();
-        let size = active.len();
-        let mut posterior = DMatrix::from_fn(size, size, |a, b| normal.matrix[(active[a], active[b])]);
-        for (a, variance) in variances.iter().enumerate() {
-            posterior[(a, a)] += variance.recip();
-        }
+        let n = active.len();
+        let mut posterior = DMatrix::from_fn(n, n, |a, b| normal.matrix[(active[a], active[b])]);
+        variances.iter().enumerate().for_each(|(a, variance)| posterior[(a, a)] += variance.recip());
         let vector = normal.vector.select_rows(active);
         let factor = Cholesky::new(posterior)?;
         let value = factor.solve(&vector);
@@ -86,7 +76,6 @@ impl Estimate {
         log_evidence.is_finite().then(|| Self { active: active.to_vec(), value, factor, log_evidence, drop })
     }
 
-    /// Covariance of the values.
     pub fn covariance(&self) -> DMatrix<f64> {
         self.factor.inverse()
     }
@@ -99,26 +88,7 @@ impl Estimate {
     /// All values over all columns.
     pub fn spread(&self, columns: usize) -> DVector<f64> {
         let mut all = DVector::zeros(columns);
-        for (a, i) in self.active.iter().enumerate() {
-            all[*i] = self.value[a];
-        }
+        self.active.iter().zip(&self.value).for_each(|(i, value)| all[*i] = *value);
         all
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn evidence_is_the_density_of_the_data() {
-        // One column of ones over two rows, y = (1, 2), prior variance 4: y ~ N(0, I + 4 11^T).
-        let mut normal = Normal::zeros(1);
-        normal.matrix[(0, 0)] = 2.0;
-        normal.vector[0] = 3.0;
-        let estimate = Estimate::new(&normal, &[0], |_| 4.0).unwrap();
-        // det = 9, y^T C^-1 y = 5 - 4/9 * 9 = 1; noise alone: 5.
-        let expected = -0.5 * 9f64.ln() - 0.5 + 2.5;
-        assert!((estimate.log_evidence - expected).abs() < 1e-12);
     }
 }

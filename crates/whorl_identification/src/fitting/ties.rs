@@ -1,15 +1,16 @@
 //! Parameters of effects that recordings do not tell apart.
 
-use nalgebra::DMatrix;
-use whorl_dynamics::effects::find;
-use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_dynamics::Effect;
+use whorl_dynamics::effects::{Role, find};
 use whorl_math::three_digits;
+use whorl_prediction::{Fitted, Rival, Settings};
+use whorl_recording::Recording;
 
-use crate::parameter_space::Column;
+use crate::DiagnosisError;
+use crate::fitting::refit::{Fit, Refit};
 
 /// A ratio this close to one, or to minus one, goes without saying.
 const SAME: f64 = 0.02;
-
 /// Deviations of both parameters of a tie are at least so many times that of their combination.
 const TIED: f64 = 10.0;
 
@@ -32,62 +33,76 @@ pub struct Tie {
 
 impl Tie {
     /// `body_z_n_m + vertical_n_m`; the second with its effect where that is another.
-    #[must_use]
     pub fn combination(&self) -> String {
         let [(effect, first), (other, second)] = &self.parameters;
         let sign = if self.ratio < 0.0 { "-" } else { "+" };
         let size = self.ratio.abs();
-        let times =
-            if (size - 1.0).abs() < SAME { String::new() } else { format!("{} ", three_digits(size)) };
+        let by = if (size - 1.0).abs() < SAME { String::new() } else { format!("{} ", three_digits(size)) };
         let of = if other == effect { String::new() } else { format!("{other}.") };
-        format!("{first} {sign} {times}{of}{second}")
+        format!("{first} {sign} {by}{of}{second}")
     }
 }
 
-/// Pairs of fitted parameters, of those that `is_asked` chooses, of which a combination is known at least [`TIED`] times as well as
-/// either, as the covariance says. `at` are the values in units; parameters behind them took no part in the fit.
-pub(crate) fn ties(
-    columns: &[Column],
-    at: &[f64],
-    covariance: &DMatrix<f64>,
-    is_asked: impl Fn(&Column) -> bool,
-) -> Vec<Tie> {
-    let asked: Vec<(usize, &Column)> = columns.iter().enumerate().filter(|(_, of)| is_asked(of)).collect();
-    let estimate = |(i, of): (usize, &Column)| at.get(i).copied().unwrap_or(0.0) * of.scale;
-    let in_units =
-        |(i, a): (usize, &Column), (j, b): (usize, &Column)| covariance[(i, j)] * a.scale * b.scale;
-    let mut ties = Vec::new();
+/// Finds pairs of parameters of these effects of which a combination is known at least [`TIED`] times as well as either. Amplitudes of an effect
+/// that took no part in the fit are asked about as well, as large as those that did: they need not be zero. What is not told apart is left
+/// open, also for a fit that comes after: of each no more is known than that, and the second is in the model, if only as neutral.
+pub(crate) fn leave_open_what_is_tied(
+    fit: &mut Fit,
+    (refit, fitted): (&Refit<'_>, &Fitted),
+    recordings: &[Recording],
+    effects: &[&'static dyn Effect],
+    threads: usize,
+) -> Result<(), DiagnosisError> {
+    let mut wide = refit.clone();
+    // Constants of the platform are not effects of the model.
+    let effects: Vec<_> = effects.iter().filter(|effect| !effect.is_base()).collect();
+    for effect in &effects {
+        let own = refit.columns.iter().zip(&refit.stddevs).filter(|(c, _)| c.group == effect.info().id);
+        let size = own.map(|(column, stddev)| stddev / column.catalogue_stddev).fold(1.0, f64::max);
+        let mut further = refit.reference.parameter_columns(**effect);
+        further.retain(|c| c.role == Role::Amplitude && !refit.columns.iter().any(|own| own.is(c)));
+        wide.stddevs.extend(further.iter().map(|column| size * column.catalogue_stddev));
+        wide.columns.extend(further);
+    }
+    let mut at = fitted.at.clone();
+    at.resize(wide.columns.len(), 0.0);
+    let covariance = if wide.columns.len() == refit.columns.len() {
+        fitted.covariance.clone()
+    } else {
+        let settings = Settings { threads, ..refit.reference.settings.prediction };
+        wide.likeliest(recordings, std::slice::from_ref(&at), Rival::NONE, &settings)?.covariance
+    };
+    let is_asked = |i: &usize| effects.iter().any(|effect| effect.info().id == wide.columns[*i].group);
+    let asked: Vec<usize> = (0..wide.columns.len()).filter(is_asked).collect();
+    let in_units = |i: usize, j: usize| covariance[(i, j)] * wide.columns[i].scale * wide.columns[j].scale;
     for (k, &first) in asked.iter().enumerate() {
         for &second in &asked[k + 1..] {
-            let variances = [in_units(first, first), in_units(second, second)];
+            let variances = [first, second].map(|i| in_units(i, i));
             let ratio = -in_units(first, second) / variances[1];
             let variance = (variances[0] + ratio * in_units(first, second)).max(0.0);
             let least = TIED * TIED * variance;
             if variances[0] > least && ratio * ratio * variances[1] > least {
-                ties.push(Tie {
-                    parameters: [first, second].map(|(_, of)| (of.group.to_owned(), of.name.clone())),
-                    unit: first.1.unit.to_owned(),
+                let of = |i: usize| (wide.columns[i].group.to_owned(), wide.columns[i].name.clone());
+                fit.ties.push(Tie {
+                    parameters: [first, second].map(of),
+                    unit: wide.columns[first].unit.to_owned(),
                     ratio,
-                    value: estimate(first) + ratio * estimate(second),
+                    value: at[first] * wide.columns[first].scale
+                        + ratio * at[second] * wide.columns[second].scale,
                     stddev: variance.sqrt(),
                     stddevs: variances.map(f64::sqrt),
                 });
             }
         }
     }
-    ties
-}
-
-/// What is not told apart is left open: of each of the two no more is known than that, also for a fit that comes after, and the
-/// second is in the model, if only with its neutral value.
-pub(crate) fn leave_open(ties: &[Tie], model: &mut PlatformModel, prior: &mut ModelPrior) {
-    for tie in ties {
+    for tie in &fit.ties {
         for ((effect, name), stddev) in tie.parameters.iter().zip(tie.stddevs) {
-            let specs = find(effect).map(|of| of.parameters(model)).unwrap_or_default();
+            let specs = find(effect).map(|of| of.parameters(&fit.model)).unwrap_or_default();
             let neutral = specs.iter().find(|spec| spec.name == *name).map_or(0.0, |spec| spec.neutral);
-            model.effects.entry(effect.clone()).or_default().entry(name.clone()).or_insert(neutral);
-            let known = prior.effects.entry(effect.clone()).or_default().entry(name.clone());
+            fit.model.effects.entry(effect.clone()).or_default().entry(name.clone()).or_insert(neutral);
+            let known = fit.prior.effects.entry(effect.clone()).or_default().entry(name.clone());
             known.and_modify(|known| *known = known.max(stddev)).or_insert(stddev);
         }
     }
+    Ok(())
 }

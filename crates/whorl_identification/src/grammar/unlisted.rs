@@ -1,12 +1,11 @@
-//! The terms of a diagnosis: functions of one recorded quantity that act about an axis, along the rate, on a wheel, by jets, or in a sensor's
-//! reading.
+//! The terms of a diagnosis: functions of one recorded quantity about an axis, along the rate, on a wheel, by jets, or in what a sensor reads.
 
 use std::f64::consts::TAU;
 
 use whorl_dynamics::PlatformModel;
-use whorl_validation::{OF_DIAGNOSIS, Parity, SHAPES, quantities};
+use whorl_validation::{OF_DIAGNOSIS, Parity, SHAPES, Shape, quantities};
 
-use super::{At, Grammar, Jets, Term, Way, range, seen};
+use super::{At, Grammar, Term, Way, ranges};
 use crate::signals::lines::Lines;
 use crate::signals::observed::Observed;
 
@@ -24,8 +23,7 @@ pub(crate) fn of_diagnosis(observed: &[Observed<'_>], model: &PlatformModel, lin
     // A motor's torque acts on its wheel, and the tilt is that about two axes.
     let mut quantities = quantities(model, observed.iter().map(|run| run.recording));
     quantities.retain(|of| of.name != "tilt" && !of.name.ends_with("_torque_command"));
-    let ranges: Vec<(f64, f64)> =
-        seen(&quantities, observed, model).iter().map(|values| range(values)).collect();
+    let ranges = ranges(&quantities, observed, model);
     let largest = |is: &dyn Fn(&str) -> bool| {
         let own = quantities.iter().zip(&ranges).filter(|(quantity, _)| is(&quantity.name));
         own.map(|(_, (low, high))| high.max(-low)).fold(1e-9, f64::max)
@@ -49,27 +47,25 @@ pub(crate) fn of_diagnosis(observed: &[Observed<'_>], model: &PlatformModel, lin
             _ => own,
         };
         let way = if quantity.is_of_body { Way::Body } else { Way::BodyOrRoom };
-        groups.extend(SHAPES.iter().take(OF_DIAGNOSIS).map(|shape| {
-            vec![Term::new(name, shape.parity, way, move |at| (shape.of)((at.values[i] - centre) / scale))]
-        }));
+        let u = move |at: &At<'_>| (at.values[i] - centre) / scale;
+        let shaped = |shape: &'static Shape| Term::new(name, shape.parity, way, move |at| (shape.of)(u(at)));
+        groups.extend(SHAPES.iter().take(OF_DIAGNOSIS).map(|shape| vec![shaped(shape)]));
         if quantity.is_slow {
             // A line through a zero of its own.
-            let line = Term::new(name, Parity::Odd, way, move |at| (at.values[i] - centre) / scale);
+            let line = Term::new(name, Parity::Odd, way, u);
             groups.push(vec![line, Term::new(name, Parity::Odd, way, |_| 1.0)]);
         }
         if let Some(wheel) = model.wheels().iter().position(|wheel| name == format!("{}_speed", wheel.name)) {
             // Drag of a wheel by any law, which may change with time.
-            let speed = move |at: &At<'_>| at.values[i] / scale;
             let drag: [fn(f64, f64) -> f64; 5] =
                 [|u, _| u, |u, _| u / u.hypot(0.02), |u, _| u.powi(3), |u, t| u * t, |u, t| u * t * t];
             let on_wheel = drag.map(|of| {
-                Term::new(name, Parity::Odd, Way::Wheel(wheel), move |at| of(speed(at), at.time_in_run))
+                Term::new(name, Parity::Odd, Way::Wheel(wheel), move |at| of(u(at), at.time_in_run))
             });
             groups.push(on_wheel.to_vec());
             // What a wheel that turns does to the gyro beside it.
             for (parity, power) in [(Parity::Odd, 1), (Parity::Even, 2)] {
-                let value = move |at: &At<'_>| (0.5 * speed(at)).powi(power);
-                groups.push(vec![Term::new(name, parity, Way::GyroBy, value)]);
+                groups.push(vec![Term::new(name, parity, Way::GyroBy, move |at| (0.5 * u(at)).powi(power))]);
             }
         }
     }
@@ -84,11 +80,9 @@ pub(crate) fn of_diagnosis(observed: &[Observed<'_>], model: &PlatformModel, lin
     groups.push(friction.collect());
     if observed.iter().any(|run| run.recording.jet_pulses.iter().any(|pulses| !pulses.is_empty())) {
         // Thrust that falls with how many jets are open, and pulses whose edges are at other times than recorded, by a constant or a growing amount.
-        let of = |name: &str, jets, value: fn(&At<'_>) -> f64| {
-            Term::new(name, Parity::None, Way::Jets(jets), value)
-        };
-        groups.push(vec![of("jets_open", Jets::Open, |at| (at.jets_open - 1.0).max(0.0))]);
-        for (name, jets) in [("jet_opening", Jets::Opened), ("jet_closing", Jets::Closed)] {
+        let of = |name, i, value: fn(&At<'_>) -> f64| Term::new(name, Parity::None, Way::Jets(i), value);
+        groups.push(vec![of("jets_open", 0, |at| (at.jets_open - 1.0).max(0.0))]);
+        for (name, jets) in [("jet_opening", 1), ("jet_closing", 2)] {
             groups.push(vec![of(name, jets, |_| 1.0), of(name, jets, |at| at.time_in_run)]);
         }
     }
@@ -96,19 +90,15 @@ pub(crate) fn of_diagnosis(observed: &[Observed<'_>], model: &PlatformModel, lin
     let dead_band = |share: f64| Term::new("gyro_rate", Parity::Odd, Way::Gyro, move |_| share * rate);
     groups.push(DEAD_BANDS.map(dead_band).to_vec());
     for hz in lines.hz.iter().copied() {
-        let line = harmonic("time", Way::BodyOrRoom, move |at| TAU * hz * at.environment.time_s);
-        let picked = |term| Term { frequency_hz: Some(hz), is_picked: true, ..term };
-        groups.push(line.into_iter().map(picked).collect());
+        let mut line = harmonic("time", Way::BodyOrRoom, move |at| TAU * hz * at.environment.time_s);
+        line.iter_mut().for_each(|term| term.frequency_hz = Some(hz));
+        groups.push(line);
     }
     Grammar::new(quantities, groups, true)
 }
 
 /// Sine and cosine of a phase.
-fn harmonic(
-    variable: &str,
-    way: Way,
-    phase: impl Fn(&At<'_>) -> f64 + Copy + Sync + Send + 'static,
-) -> Vec<Term> {
-    let sine = Term::new(variable, Parity::None, way, move |at| phase(at).sin());
-    vec![sine, Term::new(variable, Parity::None, way, move |at| phase(at).cos())]
+fn harmonic(of: &str, way: Way, phase: impl Fn(&At<'_>) -> f64 + Copy + Sync + Send + 'static) -> Vec<Term> {
+    let sine = Term::new(of, Parity::None, way, move |at| phase(at).sin());
+    vec![sine, Term::new(of, Parity::None, way, move |at| phase(at).cos())]
 }

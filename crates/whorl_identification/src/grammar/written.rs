@@ -1,15 +1,12 @@
 //! Terms that have an equation, and what each symbol costs.
-//!
-//! A term is a product of at most two factors, shapes of recorded quantities, about an axis, along the rate, or on the wheels. Its prior probability is
-//! the product of the probabilities of its choices, each as likely as the others of its kind (a code of symbols, Rissanen 1978): a law
-//! about one axis pays for the axis, a product pays for both of its quantities, and friction along the rate, which favours no axis, pays
-//! for none. So simple and symmetric laws come first, whatever is tried.
+//! A term is a product of at most two shapes of recorded quantities. Its prior probability is the product of those of its choices, each as
+//! likely as the others of its kind (a code of symbols, Rissanen 1978): a law about one axis pays for the axis, a product for both of its
+//! quantities, and friction along the rate, which favours no axis, for none. So simple and symmetric laws come first.
 
 use whorl_validation::{Parity, Quantity, SHAPES, Shape};
 
 use super::{Law, Term, Way};
 
-/// A shape of a quantity.
 #[derive(Debug, Clone)]
 struct Factor {
     quantity: Quantity,
@@ -30,35 +27,26 @@ pub(crate) struct Written {
 impl Written {
     fn term(factors: Vec<Factor>, way: Way, log_prior_of_choices: f64) -> Term {
         let of_symbols: f64 = factors.iter().map(|factor| factor.shape.symbols * 0.25_f64.ln()).sum();
-        let values: Vec<_> =
-            factors.iter().map(|factor| (factor.shape.of, factor.place, factor.scale)).collect();
-        let written = Self { factors, log_prior: log_prior_of_choices + of_symbols };
-        let variable = written.variables().first().cloned().unwrap_or_default();
+        let variable = factors.first().map_or("", |factor| factor.quantity.text.as_str()).to_owned();
+        let written = Some(Self { factors: factors.clone(), log_prior: log_prior_of_choices + of_symbols });
         let term = Term::new(&variable, Parity::None, way, move |at| {
-            values.iter().map(|(of, place, scale)| of(at.values[*place] / scale)).product()
+            factors.iter().map(|of| (of.shape.of)(at.values[of.place] / of.scale)).product()
         });
-        Term { written: Some(written), ..term }
+        Term { written, ..term }
     }
 
-    /// The equation with its parameter as this text; `None`: as its number.
-    pub fn equation(&self, parameter: Option<&str>) -> String {
-        let number = self.parameter().map(|(_, value, unit, _)| format!("{value} [{unit}]"));
-        let parameter = parameter.map(str::to_owned).or(number).unwrap_or_default();
-        let text = |factor: &Factor| {
-            factor.shape.text.replace("{x}", &factor.quantity.text).replace("{p}", &parameter)
-        };
-        let all: Vec<String> = self.factors.iter().map(text).collect();
-        if all.is_empty() { "1".to_owned() } else { all.join(" * ") }
+    /// The equation with this text for its parameter; empty of a constant.
+    pub fn equation(&self, parameter: &str) -> String {
+        let text = |of: &Factor| of.shape.text.replace("{x}", &of.quantity.text).replace("{p}", parameter);
+        self.factors.iter().map(text).collect::<Vec<_>>().join(" * ")
     }
 
-    /// In words: "the cube of the yaw rate".
+    /// In words: "the cube of the yaw rate"; empty of a constant.
     pub fn words(&self) -> String {
-        let words = |factor: &Factor| factor.shape.words.replace("{x}", &factor.quantity.words());
-        let all: Vec<String> = self.factors.iter().map(words).collect();
-        if all.is_empty() { "nothing: it is constant".to_owned() } else { all.join(" times ") }
+        let words = |of: &Factor| of.shape.words.replace("{x}", &of.quantity.words());
+        self.factors.iter().map(words).collect::<Vec<_>>().join(" times ")
     }
 
-    /// Equations of the quantities in it.
     pub fn variables(&self) -> Vec<String> {
         self.factors.iter().map(|factor| factor.quantity.text.clone()).collect()
     }
@@ -91,49 +79,45 @@ impl Written {
 
 /// All terms of quantities with these largest sizes, in groups that share a coefficient or have one for each wheel; what does not move has none.
 pub(crate) fn written(quantities: &[Quantity], largest: &[f64], wheels: &[&str]) -> Vec<Vec<Term>> {
-    let moves = |(_, (_, largest)): &(usize, (&Quantity, &f64))| **largest > 1e-9 && largest.is_finite();
-    let moving = || quantities.iter().zip(largest).enumerate().filter(moves);
-    let factor = |(place, (quantity, largest)): (usize, (&Quantity, &f64)), shape| Factor {
+    let all = quantities.iter().zip(largest).enumerate().map(|(place, (of, largest))| (place, of, *largest));
+    let moving: Vec<_> = all.filter(|(.., largest)| *largest > 1e-9 && largest.is_finite()).collect();
+    let factor = |(place, quantity, largest): &(usize, &Quantity, f64), shape| Factor {
         scale: if quantity.is_angle() { 1.0 } else { 0.5 * largest },
-        quantity: quantity.clone(),
-        place,
+        quantity: (*quantity).clone(),
+        place: *place,
         shape,
     };
-    // The constant is a quantity too; six axes, the rate and the wheels are directions. Two factors have no order.
-    let (of_quantity, of_direction) = (-((moving().count() + 1) as f64).ln(), -8f64.ln() - 0.5);
-    let about_axes = of_quantity + of_direction;
-    let mut terms = vec![Written::term(Vec::new(), Way::BodyOrRoom, about_axes)];
+    let itself = |of| factor(of, &SHAPES[0]);
     // Of what has no sign the size is the quantity itself.
-    let is_other = |quantity: &Quantity, shape: &&'static Shape| {
-        quantity.is_signed || !(shape.text.starts_with("abs") || shape.text.starts_with("sign"))
+    let shapes = |of: &Quantity| {
+        let is_signed = of.is_signed;
+        let is_size = |shape: &Shape| shape.text.starts_with("abs") || shape.text.starts_with("sign");
+        of.shapes().flatten().filter(move |shape| is_signed || !is_size(shape))
     };
-    for of @ (place, (quantity, _)) in moving() {
-        let shapes = quantity.shapes().flatten().filter(|shape| is_other(quantity, shape));
-        terms.extend(shapes.map(|shape| Written::term(vec![factor(of, shape)], Way::BodyOrRoom, about_axes)));
-        let others = moving().filter(|(other, (with, _))| *other > place && !with.is_angle());
-        terms.extend(others.filter(|_| !quantity.is_angle()).map(|other| {
-            let pair = vec![factor(of, &SHAPES[0]), factor(other, &SHAPES[0])];
-            Written::term(pair, Way::BodyOrRoom, about_axes + of_quantity + 2f64.ln())
-        }));
+    // The constant is a quantity too; six axes, the rate and the wheels are directions. Two factors have no order.
+    let (of_quantity, of_direction) = (-((moving.len() + 1) as f64).ln(), -8f64.ln() - 0.5);
+    let about_axes = of_quantity + of_direction;
+    let about = |factors, more: f64| Written::term(factors, Way::BodyOrRoom, about_axes + more);
+    let mut terms = vec![about(Vec::new(), 0.0)];
+    for (k, of) in moving.iter().enumerate() {
+        terms.extend(shapes(of.1).map(|shape| about(vec![factor(of, shape)], 0.0)));
+        let others = moving[k + 1..].iter().filter(|other| !of.1.is_angle() && !other.1.is_angle());
+        terms.extend(others.map(|other| about(vec![itself(of), itself(other)], of_quantity + 2f64.ln())));
     }
-    if let Some(of @ (_, (rate, _))) = moving().find(|(_, (quantity, _))| quantity.name == "rate") {
-        let sizes = rate.shapes().flatten().filter(|shape| is_other(rate, shape));
-        let sizes = sizes.map(|shape| vec![factor(of, shape)]).chain([Vec::new()]);
-        let is_apart = |quantity: &Quantity| !quantity.name.ends_with("rate") && !quantity.is_angle();
-        for size in sizes {
-            let others = moving().filter(|(_, (with, _))| is_apart(with));
-            for other in others.filter(|_| size.iter().all(|size| size.shape.parameter.is_none())) {
-                let with = [size.clone(), vec![factor(other, &SHAPES[0])]].concat();
-                terms.push(Written::term(with, Way::AlongRate, of_direction + of_quantity));
-            }
-            terms.push(Written::term(size, Way::AlongRate, of_direction));
+    if let Some(rate) = moving.iter().find(|of| of.1.name == "rate") {
+        let along = |factors, more: f64| Written::term(factors, Way::AlongRate, of_direction + more);
+        for size in shapes(rate.1).map(|shape| vec![factor(rate, shape)]).chain([Vec::new()]) {
+            let is_plain = size.iter().all(|size| size.shape.parameter.is_none());
+            let is_apart = |of: &Quantity| is_plain && !of.name.ends_with("rate") && !of.is_angle();
+            let others = moving.iter().filter(|of| is_apart(of.1));
+            terms.extend(others.map(|of| along([size.clone(), vec![itself(of)]].concat(), of_quantity)));
+            terms.push(along(size, 0.0));
         }
     }
     let mut groups: Vec<Vec<Term>> = terms.into_iter().map(|term| vec![term]).collect();
     for shape in SHAPES.iter().filter(|shape| shape.parity == Parity::Odd && shape.parameter.is_none()) {
         let on_wheel = |(j, name): (usize, &&str)| {
-            let speed = moving().find(|(_, (of, _))| of.name == format!("{name}_speed"))?;
-            let mut own = factor(speed, shape);
+            let mut own = factor(moving.iter().find(|of| of.1.name == format!("{name}_speed"))?, shape);
             // In an equation of wheel torques.
             own.quantity.text = "speed".to_owned();
             own.quantity.name = "wheel's speed".to_owned();

@@ -11,8 +11,6 @@ use whorl_recording::Recording;
 use crate::signals::digits::digits_of_gyro;
 use crate::signals::is_clamped;
 
-/// What recordings hold.
-#[derive(Debug, Clone, Default)]
 pub(crate) struct Available {
     held: Vec<Need>,
     /// Typical time between the readings of what is read fastest \[s\].
@@ -26,24 +24,20 @@ impl Available {
         let any = |test: fn(&Recording) -> bool| all.iter().any(|run| test(run));
         let any_free = |test: fn(&Recording) -> bool| free.iter().any(|run| test(run));
         let has_wheels = !model.wheels().is_empty();
-        let is_commanded: fn(&Recording) -> bool = |run| !run.wheel_torque_command_n_m.is_empty();
-        let reads_wheels = |run: &Recording| !run.wheel_speed_rad_s.is_empty();
-        let turns_gimbals =
-            |run: &Recording| run.gimbal_rate_rad_s.value.iter().flatten().any(|rate| *rate != 0.0);
-        let clips = free.iter().any(|run| digits_of_gyro(run, model).clips_at_rad_s.is_some());
+        let is_commanded = has_wheels && any(|run| !run.wheel_torque_command_n_m.is_empty());
         let of_needs = [
             (Need::FreeBody, !free.is_empty()),
             (Need::Jets, any_free(|run| run.jet_pulses.iter().any(|pulses| !pulses.is_empty()))),
-            (Need::Wheels, has_wheels && (any(is_commanded) || any(reads_wheels))),
-            (Need::WheelCommands, has_wheels && any(is_commanded)),
-            (Need::Gimbals, any_free(turns_gimbals)),
+            (Need::Wheels, is_commanded || has_wheels && any(|run| !run.wheel_speed_rad_s.is_empty())),
+            (Need::WheelCommands, is_commanded),
+            (Need::Gimbals, any_free(|run| run.gimbal_rate_rad_s.value.iter().flatten().any(|u| *u != 0.0))),
             (Need::Accelerometer, any_free(|run| !run.specific_force_b_m_s2.is_empty())),
             (Need::VectorSensor, any_free(|run| run.vectors.iter().any(|v| !v.direction_b.is_empty()))),
             (Need::Temperature, any(|run| run.temperature_k.len() > 1)),
             (Need::BusVoltage, any(|run| run.bus_voltage_v.len() > 1)),
-            (Need::Ballast, any(|run| moves(&run.ballast_moment_b_n_m.value))),
+            (Need::Ballast, any(|run| run.ballast_moment_b_n_m.value.windows(2).any(|w| w[0] != w[1]))),
             (Need::HalfATurn, any_free(|run| turned_rad(run) > PI)),
-            (Need::UnclippedGyro, !clips),
+            (Need::UnclippedGyro, free.iter().all(|run| digits_of_gyro(run, model).clips_at_rad_s.is_none())),
         ];
         Self {
             held: of_needs.into_iter().filter(|(_, is_held)| *is_held).map(|(need, _)| need).collect(),
@@ -56,7 +50,6 @@ impl Available {
         effect.evidence().iter().any(|needs| needs.iter().all(|need| self.has(*need)))
     }
 
-    /// Whether they hold what an effect needs.
     pub fn has(&self, need: Need) -> bool {
         self.held.contains(&need)
     }
@@ -68,20 +61,13 @@ pub(crate) fn sample_s(recording: &Recording) -> f64 {
     typical_step_s(if gyro.len() > 1 { gyro } else { &recording.wheel_speed_rad_s.time_s })
 }
 
-fn moves(moments: &[Vector3<f64>]) -> bool {
-    moments.first().is_some_and(|first| moments.iter().any(|moment| moment != first))
-}
-
 /// Angle between the two instants of a run that are furthest apart, by the gyro about one axis of the body \[rad\].
 fn turned_rad(run: &Recording) -> f64 {
     let series = &run.gyro_b_rad_s;
     let (mut turned, mut least, mut most) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
     for (times, rates) in series.time_s.windows(2).zip(series.value.windows(2)) {
-        if let ([from, to], [before, after]) = (times, rates) {
-            turned += (before + after) * (0.5 * (to - from));
-        }
-        least = least.inf(&turned);
-        most = most.sup(&turned);
+        turned += (rates[0] + rates[1]) * (0.5 * (times[1] - times[0]));
+        (least, most) = (least.inf(&turned), most.sup(&turned));
     }
     (most - least).amax()
 }

@@ -3,24 +3,19 @@
 use std::collections::BTreeMap;
 
 use whorl_dynamics::Effect;
-use whorl_dynamics::effects::{Clues, Contribution, Direction, Grouping, Part, Regressed, Role};
+use whorl_dynamics::effects::{
+    Clues, Contribution, Direction, Grouping, ParameterSpec, Part, Regressed, Role,
+};
 
-use crate::parameter_space::{Column, Point, Reference, Target};
+use crate::parameter_space::{Column, Point, Reference};
 use crate::verdict::diagnosis::ParameterEstimate;
 
 /// One number with which an effect enters.
-#[derive(Debug, Clone)]
 pub(crate) struct Entry {
     /// A parameter; of a direction the first that it moves, one unit of it in its own.
     pub column: Column,
     /// The direction, of an effect that is absent.
     pub direction: Option<Direction>,
-}
-
-impl From<Column> for Entry {
-    fn from(column: Column) -> Self {
-        Self { column, direction: None }
-    }
 }
 
 /// How far values go along a direction with so many units.
@@ -42,6 +37,10 @@ fn sum_of(directions: &[(&Direction, f64)]) -> Vec<f64> {
 }
 
 impl Entry {
+    pub fn of_column(column: Column) -> Self {
+        Self { column, direction: None }
+    }
+
     /// `None` where a place is there or not, and nothing grows with the units of it.
     fn of(reference: &Reference, effect: &'static dyn Effect, direction: Direction) -> Option<Self> {
         let specs = effect.parameters(&reference.model);
@@ -53,20 +52,13 @@ impl Entry {
                 range = (range.0.max(a.min(b)), range.1.min(a.max(b)));
             }
         }
-        let spec = specs.get(index)?;
+        let spec = ParameterSpec { role: Role::Amplitude, essential: true, ..specs.get(index)?.clone() };
+        let given = direction.origin.get(index).copied().unwrap_or(0.0);
         let column = Column {
-            group: effect.info().id,
-            name: spec.name.clone(),
-            unit: spec.unit,
-            part: spec.part,
-            target: Target::Effect(effect),
-            index,
-            role: Role::Amplitude,
             scale: by,
-            base_stddev: 0.0,
             catalogue_stddev: 1.0,
             range: if direction.squared { (0.0, range.1.max(0.0).powi(2)) } else { range },
-            essential: true,
+            ..Column::new(Some(effect), (index, spec), (given, 0.0), 1.0)
         };
         let grows = direction.moves.iter().any(|(_, by)| *by != 0.0);
         grows.then_some(Self { column, direction: Some(direction) })
@@ -84,31 +76,28 @@ impl Entry {
         values
     }
 
-    /// A point moved along it.
     pub fn moved(&self, reference: &Reference, point: &Point, units: f64) -> Point {
-        let (Some(_), Target::Effect(effect)) = (&self.direction, self.column.target) else {
+        let (Some(_), Some(effect)) = (&self.direction, self.column.effect) else {
             return reference.moved(point, &self.column, units);
         };
         let mut moved = point.clone();
         let values = self.values(reference, effect, units);
-        moved.effects.insert(effect.info().id, limited(reference, effect, values));
+        moved.insert(effect.info().id, limited(reference, effect, values));
         moved
     }
 
     /// Its parameter with so many units, which have this deviation.
-    pub fn estimate(&self, reference: &Reference, units: f64, stddev: f64) -> ParameterEstimate {
-        let column = &self.column;
-        let new = |value, stddev: f64| {
-            ParameterEstimate::new(column.name.clone(), column.unit, value, stddev * column.scale.abs())
-        };
-        let Some(direction) = &self.direction else {
-            let value = reference.given(column) + units * column.scale;
-            return ParameterEstimate { at_bound: column.is_at_bound(units), ..new(value, stddev) };
-        };
-        let from = direction.origin.get(column.index).copied().unwrap_or(0.0);
-        let along = along(direction, units);
-        let spread = if direction.squared { 0.5 * stddev / along.max(stddev.sqrt()) } else { stddev };
-        new(from + along * column.scale, spread)
+    pub fn estimate(&self, units: f64, stddev: f64) -> ParameterEstimate {
+        let (column, direction) = (&self.column, self.direction.as_ref());
+        let along = direction.map_or(units, |direction| along(direction, units));
+        let is_squared = direction.is_some_and(|direction| direction.squared);
+        let spread = if is_squared { 0.5 * stddev / along.max(stddev.sqrt()) } else { stddev };
+        let (value, stddev) = (column.given + along * column.scale, spread * column.scale.abs());
+        let is_at_bound = units <= column.range.0 + 1e-9 || units >= column.range.1 - 1e-9;
+        ParameterEstimate {
+            at_bound: is_at_bound && direction.is_none(),
+            ..ParameterEstimate::new(column.name.clone(), column.unit, value, stddev)
+        }
     }
 }
 
@@ -123,33 +112,29 @@ pub(crate) fn joined(
     effect: &dyn Effect,
     directions: &[(&Direction, f64)],
 ) -> (Vec<f64>, Vec<usize>) {
-    let contribution = |(direction, units): &(&'_ Direction, f64)| {
-        direction.moves.first().map_or(0.0, |(_, by)| along(direction, *units) * by)
-    };
-    let contributions: Vec<Contribution<'_>> = directions
-        .iter()
-        .map(|part| Contribution { name: &part.0.name, origin: &part.0.origin, amount: contribution(part) })
-        .collect();
+    let contributions = directions.iter().map(|(of, units)| {
+        let amount = of.moves.first().map_or(0.0, |(_, by)| along(of, *units) * by);
+        Contribution { name: &of.name, origin: &of.origin, amount }
+    });
+    let contributions: Vec<Contribution<'_>> = contributions.collect();
     let values = effect.joined(&contributions).unwrap_or_else(|| sum_of(directions));
     let values = limited(reference, effect, values);
     let moved = |i: usize| directions.iter().flat_map(|(direction, _)| &direction.moves).any(|m| m.0 == i);
-    let specs = effect.parameters(&reference.model);
-    let is_fitted = |i: &usize| {
-        specs.get(*i).is_some_and(|spec| {
-            let may_move = match spec.regressed {
-                Regressed::Never => false,
-                Regressed::UnlessZero => values.get(*i).is_some_and(|value| *value != 0.0),
-                Regressed::Always | Regressed::WithAmplitude => true,
-            };
-            !spec.known && (moved(*i) || (spec.role != Role::Amplitude && may_move))
-        })
+    let may_move = |i: usize, spec: &ParameterSpec| match spec.regressed {
+        Regressed::Never => false,
+        Regressed::UnlessZero => values.get(i).is_some_and(|value| *value != 0.0),
+        Regressed::Always | Regressed::WithAmplitude => true,
     };
-    let fitted = (0..specs.len()).filter(is_fitted).collect();
+    let is_fitted = |(i, spec): &(usize, ParameterSpec)| {
+        !spec.known && (moved(*i) || spec.role != Role::Amplitude && may_move(*i, spec))
+    };
+    let specs = effect.parameters(&reference.model).into_iter().enumerate();
+    let fitted = specs.filter(is_fitted).map(|(i, _)| i).collect();
     (values, fitted)
 }
 
 /// All ways of an effect to enter while it is absent, and the numbers that they enter with, each once.
-#[derive(Debug, Clone, Default)]
+#[derive(Default)]
 pub(crate) struct Ways {
     pub entries: Vec<Entry>,
     /// Sets of entries.
@@ -170,55 +155,43 @@ impl Ways {
                 let entries: Option<Vec<Entry>> =
                     start.into_iter().map(|direction| Entry::of(reference, effect, direction)).collect();
                 let possible = entries.filter(|all| !all.is_empty() && all.iter().all(&is_possible));
-                let first = ways.entries.len();
-                ways.entries.extend(possible.into_iter().flatten());
-                ways.options
-                    .extend((ways.entries.len() > first).then(|| (first..ways.entries.len()).collect()));
+                let Some(entries) = possible else { continue };
+                ways.options.push((ways.entries.len()..ways.entries.len() + entries.len()).collect());
+                ways.entries.extend(entries);
             }
             return ways;
         }
-        let columns = reference.parameter_columns(effect);
-        let mut places = vec![None; columns.len()];
-        for (column, place) in columns.iter().zip(&mut places).filter(|(c, _)| c.role == Role::Amplitude) {
-            let entry = Entry::from(column.clone());
-            if is_possible(&entry) {
-                *place = Some(ways.entries.len());
-                ways.entries.push(entry);
-            }
-        }
-        let placed =
-            |option: &Vec<usize>| option.iter().filter_map(|i| places.get(*i).copied().flatten()).collect();
-        ways.options =
-            options_of(effect, &columns).iter().map(placed).filter(|o: &Vec<usize>| !o.is_empty()).collect();
+        let columns = reference.parameter_columns(effect).into_iter();
+        let amplitudes = columns.filter(|column| column.role == Role::Amplitude);
+        ways.entries = amplitudes.map(Entry::of_column).filter(is_possible).collect();
+        ways.options = options_of(effect, &ways.entries);
+        ways.options.retain(|option| !option.is_empty());
         ways.options.sort();
         ways.options.dedup();
         ways
     }
 }
 
-/// The sets of columns in which an effect may enter, as it says; some may be empty.
-fn options_of(effect: &dyn Effect, columns: &[Column]) -> Vec<Vec<usize>> {
-    let all: Vec<usize> = (0..columns.len()).collect();
+/// The sets of entries in which an effect may enter, as it says; some may be empty.
+fn options_of(effect: &dyn Effect, entries: &[Entry]) -> Vec<Vec<usize>> {
+    let all: Vec<usize> = (0..entries.len()).collect();
+    let (part, name) = (|i: usize| entries[i].column.part, |i: usize| entries[i].column.name.as_str());
     let each = || all.iter().map(|i| vec![*i]);
-    let of_part: BTreeMap<Part, Vec<usize>> = all.iter().fold(BTreeMap::new(), |mut parts, i| {
-        parts.entry(columns[*i].part).or_insert_with(Vec::new).push(*i);
-        parts
-    });
     match effect.grouping() {
         Grouping::EachAndPairs => {
             let pairs = all.iter().flat_map(|a| all.iter().filter(move |b| a < b).map(|b| vec![*a, *b]));
             each().chain(pairs).collect()
         }
         Grouping::AllPartsEach(also) if all.len() > 1 => {
-            let is_named = |i: &usize, names: &[&str]| names.contains(&columns[*i].name.as_str());
-            let named = also.iter().map(|names| all.iter().copied().filter(|i| is_named(i, names)).collect());
-            let several = of_part.len() > 1;
-            let parts = of_part.values().filter(|own| several && own.len() > 1).cloned();
-            std::iter::once(all.clone()).chain(parts).chain(each()).chain(named).collect()
+            let mut of_parts: BTreeMap<Part, Vec<usize>> = BTreeMap::new();
+            all.iter().for_each(|i| of_parts.entry(part(*i)).or_default().push(*i));
+            let named =
+                also.iter().map(|names| all.iter().copied().filter(|i| names.contains(&name(*i))).collect());
+            std::iter::once(all.clone()).chain(of_parts.into_values()).chain(each()).chain(named).collect()
         }
         Grouping::CommonEachParts if all.len() > 1 => {
             let (common, of_parts): (Vec<usize>, Vec<usize>) =
-                all.iter().partition(|i| columns[**i].part == Part::Platform);
+                all.iter().partition(|i| part(**i) == Part::Platform);
             std::iter::once(common).chain(each()).chain([of_parts]).collect()
         }
         _ => vec![all],

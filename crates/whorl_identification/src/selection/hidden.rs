@@ -2,19 +2,17 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use nalgebra::Vector3;
+use nalgebra::{SVector, Vector3};
 use whorl_dynamics::effects::MAX_HIDDEN_STATES;
 use whorl_dynamics::{Effect, Environment, Plant};
 use whorl_prediction::Push;
 
-/// Longest step of hidden states \[s\]: of a mode at 15 Hz three quarters of a radian, over which a Runge-Kutta step loses a thousandth
-/// of the swing.
+/// Longest step of hidden states \[s\]: at 15 Hz three quarters of a radian, over which a Runge-Kutta step loses a thousandth of the swing.
 const LONGEST_STEP_S: f64 = 0.008;
 
-type States = [f64; MAX_HIDDEN_STATES];
+type States = SVector<f64, MAX_HIDDEN_STATES>;
 
 /// An effect with hidden states and values at which it does something.
-#[derive(Debug, Clone)]
 pub(crate) struct Carried {
     pub effect: &'static dyn Effect,
     pub values: Vec<f64>,
@@ -36,51 +34,39 @@ impl<'a> Carriage<'a> {
     pub fn push(&self, plant: &Plant, pushes: &mut Vec<Push>) {
         let mut now = self.now.lock().unwrap_or_else(PoisonError::into_inner);
         let (environment, time_ns) = (plant.environment(), plant.now_ns());
-        // Another pass begins.
         if time_ns < now.0 {
-            *now = (time_ns, vec![[0.0; MAX_HIDDEN_STATES]; self.carried.len()]);
+            *now = (time_ns, vec![States::zeros(); self.carried.len()]);
         }
-        let step_s = (time_ns - now.0) as f64 * 1e-9;
-        now.0 = time_ns;
-        for (carried, states) in self.carried.iter().zip(&mut now.1) {
-            carried.carry(&environment, states, step_s);
-            pushes.push(Push::Body(carried.torque_b_n_m(&environment, states)));
-        }
+        let step_s = (time_ns - std::mem::replace(&mut now.0, time_ns)) as f64 * 1e-9;
+        let all = self.carried.iter().zip(&mut now.1);
+        pushes.extend(all.map(|(carried, states)| Push::Body(carried.push(&environment, states, step_s))));
     }
 }
 
 impl Carried {
-    fn count(&self, environment: &Environment<'_>) -> usize {
-        self.effect.hidden_states(environment.model).min(MAX_HIDDEN_STATES)
-    }
-
-    fn carry(&self, environment: &Environment<'_>, states: &mut States, step_s: f64) {
-        let count = self.count(environment);
+    /// Carries the states on; the torque on the body then [N m]. Parts that do not follow rigidly are in its inertia, which resists all the same.
+    fn push(&self, environment: &Environment<'_>, states: &mut States, step_s: f64) -> Vector3<f64> {
+        let count = self.effect.hidden_states(environment.model).min(MAX_HIDDEN_STATES);
         let steps = (step_s / LONGEST_STEP_S).ceil().clamp(0.0, 1e4);
         let h = step_s / steps.max(1.0);
-        let derivative = |at: &States| {
-            let mut of = [0.0; MAX_HIDDEN_STATES];
-            self.effect.hidden_derivative(&self.values, environment, &at[..count], &mut of[..count]);
+        let derivative = |at: States| {
+            let mut of = States::zeros();
+            let (at, of_hidden) = (&at.as_slice()[..count], &mut of.as_mut_slice()[..count]);
+            self.effect.hidden_derivative(&self.values, environment, at, of_hidden);
             of
         };
-        let along = |at: &States, by: &States, h: f64| std::array::from_fn(|i| at[i] + h * by[i]);
         for _ in 0..steps as usize {
-            let k1 = derivative(states);
-            let k2 = derivative(&along(states, &k1, 0.5 * h));
-            let k3 = derivative(&along(states, &k2, 0.5 * h));
-            let k4 = derivative(&along(states, &k3, h));
-            *states = std::array::from_fn(|i| states[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]));
+            let k1 = derivative(*states);
+            let k2 = derivative(*states + k1 * (0.5 * h));
+            let k3 = derivative(*states + k2 * (0.5 * h));
+            let k4 = derivative(*states + k3 * h);
+            *states += (k1 + (k2 + k3) * 2.0 + k4) * (h / 6.0);
         }
         // Far from what a platform can hold nothing is left to be said.
         if states.iter().any(|x| !x.is_finite()) {
-            *states = [0.0; MAX_HIDDEN_STATES];
+            *states = States::zeros();
         }
-    }
-
-    /// On the body; the parts that do not follow it rigidly are part of its inertia, which resists all the same.
-    fn torque_b_n_m(&self, environment: &Environment<'_>, states: &States) -> Vector3<f64> {
-        let hidden = &states[..self.count(environment)];
-        self.effect.torque_b_n_m(&self.values, environment, hidden)
+        self.effect.torque_b_n_m(&self.values, environment, &states.as_slice()[..count])
             + self.effect.reaction_inertia_b_kg_m2(&self.values, environment.model)
                 * environment.omega_dot_wb_b_rad_s2
     }

@@ -1,10 +1,8 @@
 //! Unlisted laws: explanations outside the catalogue that compete with its effects.
 //!
-//! Torques of simple shape (a function of one recorded variable, about one axis of the body or of the room) and errors of sensors are
-//! columns of the causal filter beside the parameters of a set ([`whorl_prediction::hints`]), with the slow random torque and the noise
-//! that the samples show. Each is evaluated by the same evidence as the catalogue's effects, with a log-prior penalty for the number of
-//! laws that were tried. This is the regression of a random-walk torque on the recorded channels (Kristensen et al. 2004), without smoothing the
-//! torque first.
+//! Torques of simple shape and errors of sensors are columns of the causal filter beside the parameters of a set, with the slow random torque and
+//! noise that the samples show, by the same evidence as the catalogue's effects, less the logarithm of the number of laws: the regression of a
+//! random-walk torque on the recorded channels (Kristensen et al. 2004), without smoothing it first.
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
@@ -14,26 +12,17 @@ use whorl_recording::Recording;
 use crate::fitting::normal_equations::{Estimate, Normal};
 use crate::grammar::{At, Grammar, Law, SIZES, of_diagnosis};
 use crate::selection::hypothesis::{Evaluated, Runs};
-use crate::signals::lines::Lines;
 use crate::signals::observed::{Applied, Observed};
 use crate::verdict::diagnosis::Unknown;
-use crate::{DiagnosisError, threads};
+use crate::verdict::posterior::Left;
+use crate::{DiagnosisError, Outcome, threads};
 
 /// Random torque that any rig has, over that which is no background any more. An assumption: a tenth of its variance.
 const BACKGROUND: f64 = 0.3;
 /// Its correlation times \[s\]: those of draughts and of floors that tilt, two of the predictor's.
 const BACKGROUND_S: [f64; 2] = [3.0, 30.0];
-
 /// Laws beside a set that are kept, likeliest first.
 const MOST_LAWS: usize = 12;
-
-/// An unlisted law beside a set of effects.
-#[derive(Debug, Clone)]
-pub(crate) struct Unlisted {
-    pub unknown: Unknown,
-    /// Log evidence of the law and the set together over that of the set, its prior included.
-    pub gain: f64,
-}
 
 /// What columns of laws bring beside a set.
 pub(crate) struct Found {
@@ -44,49 +33,38 @@ pub(crate) struct Found {
     pub values: Vec<f64>,
 }
 
-/// Laws beside a set, likeliest first.
-pub(crate) fn laws_beside(
-    runs: &Runs<'_>,
-    set: &Evaluated,
-    observed: &[Observed<'_>],
-    lines: &Lines,
-) -> Result<Vec<Unlisted>, DiagnosisError> {
-    let settings = &runs.reference.settings;
-    let Some(model) = set.refit(runs.reference).model_at(&set.fitted.at) else { return Ok(Vec::new()) };
+/// Laws beside a set, likeliest first, each with the log evidence of it and the set together over that of the set, its prior included.
+pub(crate) fn laws_beside(runs: &Runs<'_>, left: Left<'_, '_>) -> Outcome<Vec<(Unknown, f64)>> {
+    let Left { set, observed, lines } = left;
+    let (settings, model) = (&runs.reference.settings, set.model(runs.reference)?);
     let applied = Applied::of(observed, &model, settings.at_work_s);
     let grammar = of_diagnosis(observed, &model, lines);
-    let found = scored((runs, set, observed), &model, &grammar, &applied);
+    let found = scored((runs, set, observed), &grammar, &applied);
     let Some(scored) = DiagnosisError::possible(found)? else { return Ok(Vec::new()) };
     let log_prior_of_law = settings.unmodelled.ln() - (grammar.laws.len() as f64).ln();
     // What a slow random torque explains instead.
     let excess = 2.0 * set.fitted.followed.iter().map(|run| run.gain_nats.max(0.0)).sum::<f64>();
-    let mut all = Vec::new();
-    for (law, found) in grammar.laws.iter().zip(&scored) {
-        let Some(found) = found else { continue };
-        let term = grammar.term(law);
+    let unlisted = |(law, found): (&Law, &Option<Found>)| {
+        let (found, term) = (found.as_ref()?, grammar.term(law));
         // A frequency that was read off the spectrum of these data may have been at any other frequency.
-        let picked = if term.is_picked { lines.frequencies.ln() } else { 0.0 };
+        let picked = term.frequency_hz.map_or(0.0, |_| lines.frequencies.ln());
         let gain = found.gain + log_prior_of_law - picked;
-        if gain < settings.worth_mentioning.ln() {
-            continue;
-        }
         // Of a law about several axes, the axis about which it explains most.
         let axis = law.axis.unwrap_or_else(|| strongest_axis(&grammar, law, &found.values));
-        all.push(Unlisted {
-            gain,
-            unknown: Unknown {
-                variable: term.variable.clone(),
-                frame: if law.world { "world" } else { "body" }.to_owned(),
-                axis: ["x", "y", "z"][axis].to_owned(),
-                parity: format!("{:?}", term.parity).to_lowercase(),
-                frequency_hz: term.frequency_hz,
-                share: (found.drop / excess.max(found.drop)).clamp(0.0, 1.0),
-                size: size_of(&grammar, law, &found.values, observed, &model, &applied),
-                unit: term.way.unit().to_owned(),
-            },
-        });
-    }
-    all.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        let unknown = || Unknown {
+            variable: term.variable.clone(),
+            frame: if law.world { "world" } else { "body" }.to_owned(),
+            axis: ["x", "y", "z"][axis].to_owned(),
+            parity: format!("{:?}", term.parity).to_lowercase(),
+            frequency_hz: term.frequency_hz,
+            share: (found.drop / excess.max(found.drop)).clamp(0.0, 1.0),
+            size: size_of(&grammar, law, &found.values, observed, &model, &applied),
+            unit: term.way.unit().to_owned(),
+        };
+        (gain >= settings.worth_mentioning.ln()).then(|| (unknown(), gain))
+    };
+    let mut all: Vec<(Unknown, f64)> = grammar.laws.iter().zip(&scored).filter_map(unlisted).collect();
+    all.sort_by(|a, b| b.1.total_cmp(&a.1));
     all.truncate(MOST_LAWS);
     Ok(all)
 }
@@ -94,10 +72,9 @@ pub(crate) fn laws_beside(
 /// What each law of a grammar brings beside a set of effects; `None` for one that the data do not determine.
 pub(crate) fn scored(
     (runs, set, observed): (&Runs<'_>, &Evaluated, &[Observed<'_>]),
-    model: &PlatformModel,
     grammar: &Grammar,
     applied: &Applied,
-) -> Result<Vec<Option<Found>>, DiagnosisError> {
+) -> Outcome<Vec<Option<Found>>> {
     let of_run = |run| {
         Laws::new(grammar.columns.len(), grammar.apart, move |plant, pushes| {
             let here = At::new(&grammar.quantities, run, plant.environment());
@@ -108,7 +85,7 @@ pub(crate) fn scored(
     let refit = set.refit(runs.reference);
     let (parameters, at, own) = (refit.parameters(), &set.fitted.at, set.columns.len());
     let model_at = |units: &[f64]| refit.model_at(units);
-    let followed = on_background(runs, set, model, applied)?;
+    let followed = on_background(runs, set, applied)?;
     let found = hints(runs.training, &parameters, &model_at, at, &followed, &of_runs, &runs.prediction())?;
     let normal = Normal::about(&found, at, &parameters);
     // Columns behind those of the set.
@@ -129,17 +106,12 @@ pub(crate) fn scored(
     Ok(threads::map(runs.threads, &grammar.laws, of_law))
 }
 
-/// The runs of a set with a random torque in each: where it needs none, with a background that any rig may have. A law without a name must
-/// explain more than that.
-fn on_background(
-    runs: &Runs<'_>,
-    set: &Evaluated,
-    model: &PlatformModel,
-    applied: &Applied,
-) -> Result<Vec<Followed>, DiagnosisError> {
+/// The runs of a set with a random torque in each: where it needs none, a background that any rig may have. Laws must explain more than that.
+fn on_background(runs: &Runs<'_>, set: &Evaluated, applied: &Applied) -> Outcome<Vec<Followed>> {
+    let model = set.model(runs.reference)?;
     let stddev_n_m = BACKGROUND * runs.reference.settings.background_share * applied.body_n_m();
-    let of_run = |(recording, followed): (&Recording, &Followed)| -> Result<Followed, DiagnosisError> {
-        let case = Prepared::new(recording, model, runs.prediction())?;
+    let of_run = |(recording, followed): (&Recording, &Followed)| -> Outcome<Followed> {
+        let case = Prepared::new(recording, &model, runs.prediction())?;
         if followed.noise.disturbance.is_some() || case.is_clamped() {
             return Ok(followed.clone());
         }
@@ -162,8 +134,8 @@ fn size_of(
 ) -> f64 {
     let (mut square, mut count) = (0.0, 0.0);
     for run in observed {
-        for k in 0..run.motion.time_s.len() {
-            let here = At::motion(&grammar.quantities, run, model, k);
+        for state in &run.motion.states {
+            let here = At::motion(&grammar.quantities, run, model, state);
             let added = |(column, value): (&usize, &f64)| {
                 *value
                     * match grammar.push(&grammar.columns[*column], &here, applied) {

@@ -32,11 +32,9 @@ impl<'a> Fast<'a> {
         }
         let half_window = (0.6 / settings.slowest_vibration_hz / grid.step_s).round().max(2.0) as usize;
         let mut fast = Self { run, grid, channel: grid.inertial.clone(), half_window };
-        for c in 0..6 {
-            let mut values = std::mem::take(&mut fast.channel[c]);
-            fast.fast_part(&mut values, c / 3, 0);
+        for (c, values) in fast.channel.iter_mut().enumerate() {
+            take_off_local_mean(values, &grid.there[c / 3], half_window);
             values.iter_mut().for_each(|x| *x = x.clamp(-MOST_DEVIATIONS, MOST_DEVIATIONS));
-            fast.channel[c] = values;
         }
         fast.take_off_pulses(model);
         Some(fast)
@@ -63,22 +61,20 @@ impl<'a> Fast<'a> {
         let mut open = vec![0.0; self.grid.len()];
         for pulse in self.run.recording.jet_pulses.iter().flatten() {
             let (on, off) = self.samples(pulse.on_s, pulse.off_s);
-            let index = |at: f64| (at.ceil() as usize).min(open.len());
-            let (from, to) = (index(on), index(off));
-            open[from..to.max(from)].fill(1.0);
+            let from = on.ceil() as usize;
+            open.iter_mut().take(off.ceil() as usize).skip(from).for_each(|open| *open = 1.0);
         }
         open
     }
 
-    /// Takes off every channel what a short linear filter of the pulses' torque explains. Pulses of jets come in slots, with all the harmonics
-    /// of a slot, and sensors, valves and bodies that ring answer a little differently from the model: that is coherent with the pulses, and no
-    /// vibration (Bendat and Piersol 2010, section 6.2).
+    /// Takes off every channel what a short linear filter of the pulses' torque explains. Pulses come in slots, with all their harmonics, and what
+    /// answers them differently from the model is coherent with them, and no vibration (Bendat and Piersol 2010, section 6.2).
     fn take_off_pulses(&mut self, model: &PlatformModel) {
         let (run, length) = (self.run.recording, self.grid.len());
         if run.jet_pulses.iter().all(Vec::is_empty) {
             return;
         }
-        // Accelerations about the three axes: the mean torque over the interval that ends with each sample. Behind them the rates that they add up to.
+        // The mean torque over the interval that ends with each sample,
         let mut torques = vec![Vector3::zeros(); length];
         for (jet, pulses) in model.jets().iter().zip(&run.jet_pulses) {
             for pulse in pulses {
@@ -91,25 +87,22 @@ impl<'a> Fast<'a> {
                 }
             }
         }
-        let of_axis = |axis: usize| torques.iter().map(move |torque| torque[axis]);
-        let mut inputs: Vec<Vec<f64>> = (0..3).map(|axis| of_axis(axis).collect()).collect();
-        inputs.extend((0..3).map(|axis| {
-            let mut sum = 0.0;
-            let added = |torque: f64| {
-                sum += torque;
-                sum
-            };
-            of_axis(axis).map(added).collect()
-        }));
+        // about each axis, behind them the rates that these add up to.
+        let mut inputs: [Vec<f64>; 6] = Default::default();
+        let mut rate = Vector3::zeros();
+        for torque in torques {
+            rate += torque;
+            inputs.iter_mut().zip(torque.iter().chain(&rate)).for_each(|(input, x)| input.push(*x));
+        }
         for sensor in 0..2 {
-            let mut columns = Vec::with_capacity(inputs.len() * LAGS * length);
-            for (input, lag) in inputs.iter().flat_map(|input| (0..LAGS).map(move |lag| (input, lag))) {
-                let mut column = vec![0.0; lag.min(length)];
-                column.extend_from_slice(&input[..length - column.len()]);
+            let delayed = |(input, lag): (&Vec<f64>, usize)| {
+                let mut column = vec![0.0; length];
+                column.iter_mut().skip(lag).zip(input).for_each(|(slot, x)| *slot = *x);
                 self.fast_part(&mut column, sensor, 0);
-                columns.extend(column);
-            }
-            let columns = DMatrix::from_vec(length, inputs.len() * LAGS, columns);
+                DVector::from_vec(column)
+            };
+            let lagged = inputs.iter().flat_map(|input| (0..LAGS).map(move |lag| (input, lag)));
+            let columns = DMatrix::from_columns(&lagged.map(delayed).collect::<Vec<_>>());
             let normal = columns.tr_mul(&columns);
             // Columns that hold the same are not told apart, nor need they be.
             let ridge = DMatrix::identity(normal.nrows(), normal.nrows()) * (1e-9 * normal.diagonal().amax());

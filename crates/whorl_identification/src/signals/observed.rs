@@ -1,137 +1,118 @@
 //! Runs as a fit leaves them: the smoothed motion, and innovations on an even grid.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::PlatformModel;
 use whorl_math::noise::{sample_clock, typical_step_s};
-use whorl_prediction::{Followed, Innovation, Noise, Prepared, Start, Told, predict, smoothed};
-use whorl_recording::{Channel, Recording};
+use whorl_prediction::{Followed, Noise, Prepared, SmoothedState, Start, Told, predict, smoothed};
+use whorl_recording::{Channel, Component, Recording};
 
 use crate::parameter_space::available::sample_s;
 use crate::selection::hypothesis::{Evaluated, Runs};
 use crate::signals::is_clamped;
-use crate::signals::remains::{Remains, Sums};
 use crate::{DiagnosisError, threads};
 
 /// Time between states of a smoothed motion \[s\], and so many samples.
 const MOTION_S: f64 = 0.03;
+/// Stretches over which innovations are summed \[s\].
+const WINDOWS_S: [f64; 2] = [1.0, 8.0];
 /// Samples of a run on an even grid, at most: stamps may hold anything.
 const MOST_SAMPLES: f64 = 4e6;
 /// Normalised innovations are clipped here: an edge of a jet is no vibration, and one wild sample no slow torque.
 const MOST_DEVIATIONS: f64 = 6.0;
 
-/// Motion of a run.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Motion {
-    pub time_s: Vec<f64>,
-    pub q: Vec<UnitQuaternion<f64>>,
-    pub omega: Vec<Vector3<f64>>,
-    pub wheel: Vec<Vec<f64>>,
-    /// Angle that each wheel has turned since the first instant \[rad\].
-    pub wheel_angle: Vec<Vec<f64>>,
+    pub states: Vec<SmoothedState>,
+    /// Angle that each wheel has turned since the first of them \[rad\].
+    wheel_angle: Vec<Vec<f64>>,
 }
 
 impl Motion {
     fn of(case: &Prepared<'_>, noise: &Noise, start: &Start) -> Self {
         let every_s = MOTION_S.max(sample_s(case.recording()));
-        let mut motion = Self::default();
-        for state in smoothed(case, noise, start, every_s).unwrap_or_default() {
-            let speeds = state.wheel_speed_rad_s;
-            let mut angles = motion.wheel_angle.last().cloned().unwrap_or_else(|| vec![0.0; speeds.len()]);
-            if let (Some(before_s), Some(before)) = (motion.time_s.last(), motion.wheel.last()) {
-                let half_s = 0.5 * (state.time_s - before_s);
-                let turned = before.iter().zip(&speeds).map(|(a, b)| (a + b) * half_s);
-                angles.iter_mut().zip(turned).for_each(|(angle, by)| *angle += by);
-            }
-            motion.time_s.push(state.time_s);
-            motion.q.push(state.q_world_body);
-            motion.omega.push(state.omega_wb_b_rad_s);
-            motion.wheel.push(speeds);
-            motion.wheel_angle.push(angles);
+        let states = smoothed(case, noise, start, every_s).unwrap_or_default();
+        let mut angles = vec![0.0; case.model().wheels().len()];
+        let mut wheel_angle = vec![angles.clone()];
+        for pair in states.windows(2) {
+            let half_s = 0.5 * (pair[1].time_s - pair[0].time_s);
+            let speeds = pair[0].wheel_speed_rad_s.iter().zip(&pair[1].wheel_speed_rad_s);
+            angles.iter_mut().zip(speeds).for_each(|(angle, (from, to))| *angle += (from + to) * half_s);
+            wheel_angle.push(angles.clone());
         }
-        motion
+        Self { states, wheel_angle }
     }
 
-    /// The instant at or before a time, and how far the time is on the way to the next, 0 to 1.
-    fn place(&self, time_s: f64) -> (usize, f64) {
-        let k = self.time_s.partition_point(|t| *t <= time_s).saturating_sub(1);
-        let share = match (self.time_s.get(k), self.time_s.get(k + 1)) {
-            (Some(from_s), Some(to_s)) if to_s > from_s => (time_s - from_s) / (to_s - from_s),
-            _ => 0.0,
-        };
-        (k, share.clamp(0.0, 1.0))
+    pub fn times_s(&self) -> Vec<f64> {
+        self.states.iter().map(|state| state.time_s).collect()
+    }
+
+    /// The number of the instant at or before a time, it and the next one; of the last it twice.
+    fn around(&self, time_s: f64) -> Option<(usize, &SmoothedState, &SmoothedState)> {
+        let k = self.states.partition_point(|state| state.time_s <= time_s).saturating_sub(1);
+        let from = self.states.get(k)?;
+        Some((k, from, self.states.get(k + 1).unwrap_or(from)))
     }
 
     /// Attitude at the instant before, not turned on.
     pub fn attitude(&self, time_s: f64) -> UnitQuaternion<f64> {
-        self.q.get(self.place(time_s).0).copied().unwrap_or_default()
+        self.around(time_s).map_or_else(UnitQuaternion::identity, |(_, at, _)| at.q_world_body)
     }
 
     /// Rate of the body, straight between instants [rad/s].
     pub fn rate(&self, time_s: f64) -> Vector3<f64> {
-        let (k, share) = self.place(time_s);
-        let before = self.omega.get(k).copied().unwrap_or_default();
-        self.omega.get(k + 1).map_or(before, |after| before.lerp(after, share))
+        let Some((_, from, to)) = self.around(time_s) else { return Vector3::zeros() };
+        let share = (time_s - from.time_s) / (to.time_s - from.time_s).max(1e-9);
+        from.omega_wb_b_rad_s.lerp(&to.omega_wb_b_rad_s, share.clamp(0.0, 1.0))
     }
 
-    /// Speed of a wheel and the angle that it has turned; zero before the first instant.
+    /// Speed of a wheel and the angle that it has turned; zero where there is no motion.
     pub fn wheel_at(&self, wheel: usize, time_s: f64) -> (f64, f64) {
-        let k = self.place(time_s).0;
-        let of = |all: &[Vec<f64>], k: usize| all.get(k).and_then(|of| of.get(wheel)).copied();
-        let (Some(from_s), Some(speed), Some(angle)) =
-            (self.time_s.get(k), of(&self.wheel, k), of(&self.wheel_angle, k))
-        else {
-            return (0.0, 0.0);
-        };
-        let since_s = time_s - from_s;
-        let slope = match (self.time_s.get(k + 1), of(&self.wheel, k + 1)) {
-            (Some(next_s), Some(next)) if next_s > from_s => (next - speed) / (next_s - from_s),
-            _ => 0.0,
-        };
-        (speed + slope * since_s, angle + speed * since_s + 0.5 * slope * since_s * since_s)
+        let speed = |state: &SmoothedState| state.wheel_speed_rad_s.get(wheel).copied();
+        let found = self.around(time_s).and_then(|(k, from, to)| {
+            let (angle, speed, next) = (self.wheel_angle.get(k)?.get(wheel)?, speed(from)?, speed(to)?);
+            let since_s = time_s - from.time_s;
+            let more = (next - speed) / (to.time_s - from.time_s).max(1e-9) * since_s;
+            Some((speed + more, angle + (speed + 0.5 * more) * since_s))
+        });
+        found.unwrap_or_default()
     }
 }
 
-/// Sums of squares of applied torques.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Applied {
-    body: f64,
-    wheels: Vec<f64>,
-    count: f64,
-}
+/// Applied torques, root mean squares over all runs [N m]: on the body, then on each wheel.
+#[derive(Debug, Clone)]
+pub(crate) struct Applied(Vec<f64>);
 
 impl Applied {
-    /// Of the torque on the body, and on each wheel, by what the rates change over an interval.
+    /// By what the rates change over an interval.
     pub fn of(observed: &[Observed<'_>], model: &PlatformModel, interval_s: f64) -> Self {
-        let mut sums = Self { wheels: vec![0.0; model.wheels().len()], ..Self::default() };
-        let inertia = model.mass_properties.inertia_b_kg_m2();
+        let (inertia, wheels) = (model.mass_properties.inertia_b_kg_m2(), model.wheels());
+        let (mut squares, mut count) = (vec![0.0; 1 + wheels.len()], 0.0);
         for motion in observed.iter().map(|run| &run.motion) {
-            let step_s = typical_step_s(&motion.time_s).max(1e-9);
+            let step_s = typical_step_s(&motion.times_s()).max(1e-9);
             let apart = ((interval_s / step_s).round() as usize).max(1);
-            for k in (apart..motion.time_s.len()).step_by(apart) {
-                let before = k - apart;
-                let time_s = (motion.time_s[k] - motion.time_s[before]).max(1e-9);
-                let change = motion.omega[k] - motion.omega[before];
-                sums.body += (inertia * change / time_s).norm_squared();
-                let speeds = motion.wheel[k].iter().zip(&motion.wheel[before]);
-                for ((slot, wheel), (after, before)) in sums.wheels.iter_mut().zip(model.wheels()).zip(speeds)
-                {
-                    *slot += (wheel.spin_inertia_kg_m2 * (after - before) / time_s).powi(2);
-                }
-                sums.count += 1.0;
+            let ends: Vec<&SmoothedState> = motion.states.iter().step_by(apart).collect();
+            for pair in ends.windows(2) {
+                let per_s = (pair[1].time_s - pair[0].time_s).max(1e-9).recip();
+                let change = pair[1].omega_wb_b_rad_s - pair[0].omega_wb_b_rad_s;
+                let speeds = pair[1].wheel_speed_rad_s.iter().zip(&pair[0].wheel_speed_rad_s);
+                let on_wheels = wheels.iter().zip(speeds).map(|(of, (b, a))| of.spin_inertia_kg_m2 * (b - a));
+                let torques = std::iter::once((inertia * change).norm()).chain(on_wheels);
+                squares.iter_mut().zip(torques).for_each(|(sum, torque)| *sum += (torque * per_s).powi(2));
+                count += 1.0;
             }
         }
-        sums
+        let mean = |sum: f64| (sum / f64::max(count, 1.0)).sqrt().max(f64::MIN_POSITIVE);
+        Self(squares.into_iter().map(mean).collect())
     }
 
-    /// On the body, root mean square [N m].
     pub fn body_n_m(&self) -> f64 {
-        (self.body / self.count.max(1.0)).sqrt().max(f64::MIN_POSITIVE)
+        self.0[0]
     }
 
-    /// On a wheel.
     pub fn wheel_n_m(&self, wheel: usize) -> f64 {
-        let square = self.wheels.get(wheel).copied().unwrap_or(0.0);
-        (square / self.count.max(1.0)).sqrt().max(f64::MIN_POSITIVE)
+        self.0.get(1 + wheel).copied().unwrap_or(f64::MIN_POSITIVE)
     }
 }
 
@@ -144,12 +125,10 @@ pub(crate) struct Grid {
     pub inertial: [Vec<f64>; 6],
     /// Which samples of the gyro and of the accelerometer there are.
     pub there: [Vec<bool>; 2],
-    pub wheels: Vec<Vec<f64>>,
     /// Predicted deviation of a sample of each inertial channel, the mean.
     pub stddev: [f64; 6],
 }
 
-/// A run as a fit leaves it.
 pub(crate) struct Observed<'a> {
     pub recording: &'a Recording,
     pub clamped: bool,
@@ -163,53 +142,50 @@ pub(crate) struct Observed<'a> {
 }
 
 impl Observed<'_> {
-    /// Innovations with the random torque of the run, or without it.
     pub fn grid(&self, quiet: bool) -> &Grid {
         self.quiet.as_ref().filter(|_| quiet).unwrap_or(&self.loud)
     }
 }
 
-/// The training runs as a fit leaves them.
 pub(crate) fn observed<'a>(runs: &Runs<'a>, set: &Evaluated) -> Result<Vec<Observed<'a>>, DiagnosisError> {
-    let of_run = |case: &Prepared<'a>, followed: &Followed| {
-        let (loud, of_loud) = Grid::of(case, &followed.noise, &followed.fitted.start);
-        let quiet = (followed.noise.disturbance.is_some())
-            .then(|| Grid::of(case, &followed.undisturbed_noise(), &followed.undisturbed.start));
-        Observed {
-            recording: case.recording(),
-            clamped: is_clamped(case.recording(), case.model()),
-            motion: Motion::of(case, &followed.noise, &followed.fitted.start),
-            loud,
-            remains: quiet.as_ref().map_or(of_loud, |(_, remains)| *remains),
-            quiet: quiet.map(|(grid, _)| grid),
-        }
-    };
-    each_reading(runs, set, runs.training, &set.fitted.followed, of_run)
+    left_of(runs, set, runs.training, &set.fitted.followed)
 }
 
 /// What a model without a random torque leaves of the held-out runs.
 pub(crate) fn held_out_remains(runs: &Runs<'_>, set: &Evaluated) -> Result<Remains, DiagnosisError> {
-    let of_run = |case: &Prepared<'_>, followed: &Followed| {
-        Grid::of(case, &followed.undisturbed_noise(), &followed.undisturbed.start).1
-    };
-    let all = each_reading(runs, set, runs.held_out, &set.held_out, of_run)?;
-    Ok(all.into_iter().fold(Remains::default(), Remains::and))
+    Ok(remains_of(&left_of(runs, set, runs.held_out, &set.held_out)?))
 }
 
-/// What is found of each run with the model of a set, where every reading is seen by itself.
-fn each_reading<'a, T: Send>(
+pub(crate) fn remains_of(observed: &[Observed<'_>]) -> Remains {
+    observed.iter().map(|run| run.remains).fold(Remains::default(), |all, run| Remains {
+        square: all.square + run.square,
+        count: all.count + run.count,
+    })
+}
+
+fn left_of<'a>(
     runs: &Runs<'a>,
     set: &Evaluated,
     recordings: &'a [Recording],
     followed: &[Followed],
-    find: impl Fn(&Prepared<'a>, &Followed) -> T + Sync,
-) -> Result<Vec<T>, DiagnosisError> {
+) -> Result<Vec<Observed<'a>>, DiagnosisError> {
     let model = set.model(runs.reference)?;
     let settings = Runs { each_reading: true, ..*runs }.prediction();
-    let pairs: Vec<(&'a Recording, &Followed)> = recordings.iter().zip(followed).collect();
     let of_run = |(recording, followed): &(&'a Recording, &Followed)| {
-        Ok(find(&Prepared::new(recording, &model, settings)?, followed))
+        let case = Prepared::new(recording, &model, settings)?;
+        let (loud, of_loud) = Grid::of(&case, &followed.noise, &followed.fitted.start);
+        let quiet = (followed.noise.disturbance.is_some())
+            .then(|| Grid::of(&case, &followed.undisturbed_noise(), &followed.undisturbed.start));
+        Ok(Observed {
+            recording,
+            clamped: is_clamped(recording, &model),
+            motion: Motion::of(&case, &followed.noise, &followed.fitted.start),
+            loud,
+            remains: quiet.as_ref().map_or(of_loud, |(_, remains)| *remains),
+            quiet: quiet.map(|(grid, _)| grid),
+        })
     };
+    let pairs: Vec<(&'a Recording, &Followed)> = recordings.iter().zip(followed).collect();
     threads::map(runs.threads, &pairs, of_run).into_iter().collect()
 }
 
@@ -224,9 +200,9 @@ impl Grid {
 
     fn of(case: &Prepared<'_>, noise: &Noise, start: &Start) -> (Self, Remains) {
         let recording = case.recording();
-        let stamps = [&recording.gyro_b_rad_s.time_s, &recording.wheel_speed_rad_s.time_s];
-        let (start_s, step_s) =
-            stamps.into_iter().find_map(|stamps| sample_clock(stamps)).unwrap_or((0.0, 1.0));
+        let gyro_s = &recording.gyro_b_rad_s.time_s;
+        let stamps = [gyro_s, &recording.wheel_speed_rad_s.time_s];
+        let (start_s, step_s) = stamps.into_iter().find_map(|of| sample_clock(of)).unwrap_or((0.0, 1.0));
         let last_s = stamps.into_iter().find_map(|stamps| stamps.last()).copied().unwrap_or(start_s);
         let count = ((last_s - start_s) / step_s).round().clamp(0.0, MOST_SAMPLES) as usize + 1;
         let mut grid = Self {
@@ -234,47 +210,74 @@ impl Grid {
             step_s,
             inertial: std::array::from_fn(|_| vec![0.0; count]),
             there: [vec![false; count], vec![false; count]],
-            wheels: vec![vec![0.0; count]; case.model().wheels().len()],
             stddev: [0.0; 6],
         };
-        let mut counts = [0.0; 6];
         let mut sums = Sums::default();
         predict(case, noise, start, &[], &mut |told| {
             let Told::Innovation(innovation) = told else { return };
             let value = innovation.normalised().clamp(-MOST_DEVIATIONS, MOST_DEVIATIONS);
-            sums.add(innovation, value);
-            grid.put(recording, innovation, value, &mut counts);
+            sums.add(innovation.component, innovation.time_s, value);
+            let (stamps, sensor) = match innovation.component.channel {
+                Channel::Gyro => (gyro_s, 0),
+                Channel::Accelerometer => (&recording.specific_force_b_m_s2.time_s, 1),
+                _ => return,
+            };
+            let (axis, stamp_s) = (innovation.component.index(), stamps.get(innovation.sample));
+            let at = stamp_s.map_or(-1.0, |stamp_s| ((stamp_s - start_s) / step_s).round());
+            if axis < 3 && (0.0..count as f64).contains(&at) {
+                let (at, channel) = (at as usize, 3 * sensor + axis);
+                grid.inertial[channel][at] = value;
+                grid.there[sensor][at] = true;
+                grid.stddev[channel] += innovation.stddev;
+            }
         });
-        for (stddev, count) in grid.stddev.iter_mut().zip(counts) {
-            *stddev /= f64::max(count, 1.0);
+        for (channel, stddev) in grid.stddev.iter_mut().enumerate() {
+            *stddev /= grid.there[channel / 3].iter().filter(|there| **there).count().max(1) as f64;
         }
-        (grid, sums.end())
+        (grid, sums.remains)
+    }
+}
+
+/// What a model without a random torque leaves: squares of sums of normalised innovations over stretches, over what noise gives. If a slow
+/// torque is missing, they grow with the stretch; of noise alone each has the variance of its number of terms.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Remains {
+    square: f64,
+    count: f64,
+}
+
+impl Remains {
+    /// Root mean square, 1 of noise alone; 1 where nothing was read.
+    pub fn times_the_noise(&self) -> f64 {
+        if self.count < 1.0 { 1.0 } else { (self.square / self.count).sqrt() }
     }
 
-    fn put(&mut self, recording: &Recording, innovation: &Innovation, value: f64, counts: &mut [f64; 6]) {
-        let (channel, axis) = (innovation.component.channel, innovation.component.index());
-        let (stamps, sensor) = match channel {
-            Channel::Gyro => (&recording.gyro_b_rad_s.time_s, 0),
-            Channel::Accelerometer => (&recording.specific_force_b_m_s2.time_s, 1),
-            Channel::WheelSpeed => (&recording.wheel_speed_rad_s.time_s, 2),
-            _ => return,
-        };
-        let Some(stamp_s) = stamps.get(innovation.sample) else { return };
-        let at = ((stamp_s - self.start_s) / self.step_s).round();
-        if at < 0.0 || at >= self.len() as f64 {
-            return;
-        }
-        let at = at as usize;
-        if sensor == 2 {
-            if let Some(wheel) = self.wheels.get_mut(axis) {
-                wheel[at] = value;
+    /// Deviations by which it exceeds noise alone.
+    pub fn significance(&self) -> f64 {
+        if self.count < 1.0 { 0.0 } else { (self.square - self.count) / (2.0 * self.count).sqrt() }
+    }
+}
+
+#[derive(Default)]
+struct Sums {
+    remains: Remains,
+    /// Of each component and window the number of the stretch, its sum and its terms.
+    open: BTreeMap<Component, [(i64, f64, f64); 2]>,
+}
+
+impl Sums {
+    fn add(&mut self, component: Component, time_s: f64, value: f64) {
+        let open = self.open.entry(component).or_default();
+        for ((stretch, sum, terms), window_s) in open.iter_mut().zip(WINDOWS_S) {
+            let now = (time_s / window_s).floor() as i64;
+            if now != *stretch || *terms < 1.0 {
+                (*stretch, *sum, *terms) = (now, 0.0, 0.0);
+                self.remains.count += 1.0;
             }
-        } else if axis < 3 {
-            let channel = 3 * sensor + axis;
-            self.inertial[channel][at] = value;
-            self.there[sensor][at] = true;
-            self.stddev[channel] += innovation.stddev;
-            counts[channel] += 1.0;
+            // The square of the sum so far gives way to that with this term.
+            self.remains.square -= *sum * *sum / terms.max(1.0);
+            (*sum, *terms) = (*sum + value, *terms + 1.0);
+            self.remains.square += *sum * *sum / *terms;
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Fast effects that the samples show by themselves: unbalanced wheels, vibration of the sensors.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use nalgebra::{Complex, Matrix2, Matrix3, Vector2, Vector3, Vector6};
 use whorl_dynamics::effects::{Part, Signature, catalogue};
@@ -18,7 +19,6 @@ const BESIDE: [f64; 4] = [0.79, 0.9, 1.11, 1.23];
 /// Samples with valves open in which a vibration is looked for.
 const FEWEST_OPEN: f64 = 30.0;
 
-/// What the samples show.
 #[derive(Debug, Default)]
 pub(crate) struct Seen {
     pub rows: Vec<Candidate>,
@@ -27,27 +27,21 @@ pub(crate) struct Seen {
 }
 
 impl Seen {
-    /// Fast effects that the samples show about a model.
     pub fn of(
-        observed: &[Observed<'_>],
+        runs: &[Observed<'_>],
         model: &PlatformModel,
         settings: &Settings,
         is_tested: impl Fn(&dyn Effect) -> bool,
     ) -> Self {
-        let mut runs: Vec<Fast<'_>> =
-            observed.iter().filter_map(|run| Fast::new(run, model, settings)).collect();
-        let tested: Vec<&dyn Effect> =
-            catalogue().iter().copied().filter(|effect| is_tested(*effect)).collect();
-        let mut seen = Self::default();
+        let mut runs: Vec<Fast<'_>> = runs.iter().filter_map(|run| Fast::new(run, model, settings)).collect();
+        let is_tested = &is_tested;
+        let tested = || catalogue().iter().copied().filter(move |effect| is_tested(*effect));
         // What turns with a wheel is taken off the samples before a line of its own is looked for.
-        for effect in tested.iter().filter(|effect| effect.signature() == Some(Signature::WheelTurn)) {
-            if let Some((wheel, row)) = imbalance(&mut runs, model, *effect, settings) {
-                seen.turning.push(wheel);
-                seen.rows.push(row);
-            }
-        }
-        seen.rows.extend(tested.iter().filter_map(|effect| vibration(&runs, *effect, settings)));
-        seen
+        let of_wheels = tested().filter(|effect| effect.signature() == Some(Signature::WheelTurn));
+        let (turning, mut rows): (Vec<usize>, Vec<Candidate>) =
+            of_wheels.filter_map(|effect| imbalance(&mut runs, model, effect, settings)).unzip();
+        rows.extend(tested().filter_map(|effect| vibration(&runs, effect, settings)));
+        Self { rows, turning }
     }
 }
 
@@ -70,13 +64,11 @@ fn held(fast: &Fast<'_>, gate: &[f64], hz: f64) -> (Vector6<Complex<f64>>, Vecto
 
 /// A line in gyro and accelerometer, always or only while valves are open.
 fn vibration(runs: &[Fast<'_>], effect: &dyn Effect, settings: &Settings) -> Option<Candidate> {
-    let Some(Signature::SensorLine { gyro, accelerometer, frequency, background }) = effect.signature()
-    else {
+    let Signature::SensorLine { gyro, accelerometer, frequency, background } = effect.signature()? else {
         return None;
     };
     let first = runs.first()?.grid;
-    let mut best = None;
-    let mut most = f64::NEG_INFINITY;
+    let (mut best, mut most) = (None, f64::NEG_INFINITY);
     for share in [1.0, 0.0] {
         let gate = |fast: &Fast<'_>| if share > 0.0 { vec![1.0; fast.grid.len()] } else { fast.valves() };
         let gates: Vec<Vec<f64>> = runs.iter().map(gate).collect();
@@ -130,11 +122,12 @@ fn vibration(runs: &[Fast<'_>], effect: &dyn Effect, settings: &Settings) -> Opt
 }
 
 /// Both phases of a wheel's imbalance over one stretch.
-struct Fit {
-    drop: f64,
-    amplitude: Vector2<f64>,
+pub(super) struct Fit {
+    pub drop: f64,
     /// Inverse variance of one amplitude.
-    information: f64,
+    pub information: f64,
+    /// What it explains of each axis of the gyro.
+    pub explained: [Vec<f64>; 3],
 }
 
 /// The wheel whose turning shows in the gyro, and the row that says so; what it explains is taken off the samples.
@@ -145,19 +138,17 @@ fn imbalance(
     settings: &Settings,
 ) -> Option<(usize, Candidate)> {
     let wheels = model.wheels().len();
+    let of_run = |(run, fast): (usize, &Fast<'_>)| stretches(fast, settings).map(move |part| (run, part));
+    let parts: Vec<(usize, Range<usize>)> = runs.iter().enumerate().flat_map(of_run).collect();
     let all_fits = |wheel: usize, order: f64| -> Vec<Fit> {
-        let of_run = |fast| stretches(fast, settings).into_iter().map(move |stretch| (fast, stretch));
-        let all = runs.iter().flat_map(of_run);
-        all.map(|(fast, stretch)| fit(fast, &wheel_signals(fast, model, wheel, order, stretch), stretch))
-            .collect()
+        parts.iter().map(|(run, part)| Fit::of(&runs[*run], model, wheel, order, part.clone())).collect()
     };
     let found = (0..wheels).filter_map(|wheel| {
         let mut fits = all_fits(wheel, 1.0);
         if one_size(&fits)?.0 > settings.window_nats {
             // The same test at an order that no imbalance has measures how much louder the noise is here than at high frequencies.
-            let beside: Vec<f64> =
-                BESIDE.iter().flat_map(|order| all_fits(wheel, *order)).map(|f| f.drop).collect();
-            let level = (0.5 * beside.iter().sum::<f64>() / beside.len().max(1) as f64).max(1.0);
+            let off: Vec<f64> = BESIDE.iter().flat_map(|n| all_fits(wheel, *n)).map(|f| f.drop).collect();
+            let level = (0.5 * off.iter().sum::<f64>() / off.len().max(1) as f64).max(1.0);
             for fit in &mut fits {
                 fit.drop /= level;
                 fit.information /= level;
@@ -167,19 +158,13 @@ fn imbalance(
         Some((evidence - (wheels as f64).ln(), size, wheel, fits))
     });
     let (evidence, size, wheel, fits) = found.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let drop = fits.iter().map(|f| f.drop).sum::<f64>() - 2.0 * fits.len() as f64;
+    let drop = fits.iter().map(|f| f.drop - 2.0).sum::<f64>();
     if evidence < settings.window_nats || drop < settings.clear_misfit {
         return None;
     }
-    let mut next = fits.iter();
-    for fast in runs.iter_mut() {
-        for (stretch, fit) in stretches(fast, settings).into_iter().zip(&mut next) {
-            let signals = wheel_signals(fast, model, wheel, 1.0, stretch);
-            for (channel, [a, b]) in fast.channel.iter_mut().zip(&signals) {
-                for (slot, (x, y)) in channel[stretch.0..stretch.1].iter_mut().zip(a.iter().zip(b)) {
-                    *slot -= fit.amplitude.x * x + fit.amplitude.y * y;
-                }
-            }
+    for ((run, part), fit) in parts.iter().zip(&fits) {
+        for (channel, explained) in runs[*run].channel.iter_mut().zip(&fit.explained) {
+            channel[part.start..].iter_mut().zip(explained).for_each(|(slot, explained)| *slot -= explained);
         }
     }
     let information: f64 = fits.iter().map(|f| f.information).sum();
@@ -190,7 +175,7 @@ fn imbalance(
 
 /// Log evidence and likeliest size of an imbalance that is the same in all stretches, its phase in each unknown: both phases of each are
 /// normal about none with the variance that this size gives.
-fn one_size(fits: &[Fit]) -> Option<(f64, f64)> {
+pub(super) fn one_size(fits: &[Fit]) -> Option<(f64, f64)> {
     let sum = |of: fn(&Fit) -> f64| fits.iter().map(of).sum::<f64>();
     let (information, excess) = (sum(|f| f.information), sum(|f| f.drop - 2.0));
     let square = excess.max(0.0) / information;
@@ -202,105 +187,47 @@ fn one_size(fits: &[Fit]) -> Option<(f64, f64)> {
 }
 
 /// Parts of a run for which the angles of wheels stay good, each from a sample on to before another.
-fn stretches(fast: &Fast<'_>, settings: &Settings) -> Vec<(usize, usize)> {
+fn stretches(fast: &Fast<'_>, settings: &Settings) -> impl Iterator<Item = Range<usize>> + use<> {
     let (all, length) = (fast.grid.len(), (settings.wheel_angle_s / fast.grid.step_s) as usize);
     let count = (all as f64 / length.max(1) as f64).round().max(1.0) as usize;
-    (0..count).map(|i| (i * all / count, (i + 1) * all / count)).collect()
+    (0..count).map(move |i| i * all / count..(i + 1) * all / count)
 }
 
-/// What an imbalance of 1 kg m^2 adds to each gyro axis, at two phases a quarter turn apart; felt `order` times a turn.
-fn wheel_signals(
-    fast: &Fast<'_>,
-    model: &PlatformModel,
-    wheel: usize,
-    order: f64,
-    (from, to): (usize, usize),
-) -> [[Vec<f64>; 2]; 3] {
-    let axis = model.wheels().get(wheel).map_or(Vector3::z_axis(), |w| w.spin_axis_b);
-    let helper = if axis.z.abs() > 0.7 { Vector3::x() } else { Vector3::z() };
-    let e1 = unit_or(axis.cross(&helper), Vector3::x_axis()).into_inner();
-    // The rate is the torque's integral over a turn: Om^2 becomes Om, a quarter turn later.
-    let inverse =
-        Gyrostat::new(model).map_or_else(|_| Matrix3::zeros(), |of| *of.rate_equation().inverse_resisting());
-    let (u1, u2) = (inverse * e1, inverse * axis.cross(&e1));
-    let turned: Vec<[Vector3<f64>; 2]> = (from..to)
-        .map(|index| {
+impl Fit {
+    /// To a part of a run; felt `order` times a turn.
+    fn of(fast: &Fast<'_>, model: &PlatformModel, wheel: usize, order: f64, part: Range<usize>) -> Self {
+        let axis = model.wheels().get(wheel).map_or(Vector3::z_axis(), |w| w.spin_axis_b);
+        let helper = if axis.z.abs() > 0.7 { Vector3::x() } else { Vector3::z() };
+        let e1 = unit_or(axis.cross(&helper), Vector3::x_axis()).into_inner();
+        let inverse = Gyrostat::new(model)
+            .map_or_else(|_| Matrix3::zeros(), |of| *of.rate_equation().inverse_resisting());
+        let (u1, u2) = (inverse * e1, inverse * axis.cross(&e1));
+        // What 1 kg m^2 adds at two phases a quarter turn apart. The rate is the torque's integral over a turn: Om^2 becomes Om, a
+        // quarter turn later.
+        let turned = |index: usize| {
             let (speed, angle) = fast.run.motion.wheel_at(wheel, fast.grid.time(index));
             let (s, c) = (order * angle).sin_cos();
             [(u1 * s - u2 * c) * speed, (u1 * c + u2 * s) * speed]
-        })
-        .collect();
-    std::array::from_fn(|i| {
-        [0, 1].map(|phase| {
-            let mut signal: Vec<f64> = turned.iter().map(|both| both[phase][i]).collect();
-            fast.fast_part(&mut signal, 0, from);
-            signal.iter_mut().for_each(|x| *x /= fast.stddev(i));
-            signal
-        })
-    })
-}
-
-fn fit(fast: &Fast<'_>, signals: &[[Vec<f64>; 2]; 3], (from, to): (usize, usize)) -> Fit {
-    let (mut matrix, mut vector) = (Matrix2::zeros(), Vector2::zeros());
-    for ([a, b], channel) in signals.iter().zip(&fast.channel) {
-        for ((x, y), z) in a.iter().zip(b).zip(&channel[from..to]) {
-            let g = Vector2::new(*x, *y);
-            matrix += g * g.transpose();
-            vector += g * *z;
+        };
+        let turned: Vec<[Vector3<f64>; 2]> = part.clone().map(turned).collect();
+        let signals: [[Vec<f64>; 2]; 3] = std::array::from_fn(|i| {
+            [0, 1].map(|phase| {
+                let mut signal: Vec<f64> = turned.iter().map(|both| both[phase][i]).collect();
+                fast.fast_part(&mut signal, 0, part.start);
+                signal.iter_mut().for_each(|x| *x /= fast.stddev(i));
+                signal
+            })
+        });
+        let (mut matrix, mut vector) = (Matrix2::zeros(), Vector2::zeros());
+        for ([a, b], channel) in signals.iter().zip(&fast.channel) {
+            for ((x, y), z) in a.iter().zip(b).zip(&channel[part.clone()]) {
+                let g = Vector2::new(*x, *y);
+                matrix += g * g.transpose();
+                vector += g * *z;
+            }
         }
-    }
-    let amplitude = matrix.try_inverse().map_or_else(Vector2::zeros, |m| m * vector);
-    Fit { drop: amplitude.dot(&vector), amplitude, information: 0.5 * matrix.trace() }
-}
-
-#[cfg(test)]
-mod tests {
-    use rand_distr::{Distribution, StandardNormal};
-    use rand_pcg::Pcg64;
-
-    use super::*;
-
-    #[test]
-    fn noise_has_so_much_of_one_motion_as_seldom_as_is_said() {
-        let mut random = Pcg64::new(5, 3);
-        let mut noise = || -> f64 { StandardNormal.sample(&mut random) };
-        let count = 30_000;
-        let surprising = (0..count)
-            .filter(|_| {
-                let mut one = || Complex::new(noise(), noise()) * 0.5_f64.sqrt();
-                let of_run: Vec<Vector6<Complex<f64>>> =
-                    (0..3).map(|_| Vector6::from_fn(|_, _| one())).collect();
-                surprise_of_motion(common_motion(&of_run).0, 3) > 300f64.ln()
-            })
-            .count();
-        // One in 300, to leading order.
-        assert!((50..200).contains(&surprising), "{surprising}");
-    }
-
-    /// Fits to noise and a sine of this size, in units of the noise of one phase.
-    fn fits(size: f64, noise: &mut dyn FnMut() -> f64) -> Vec<Fit> {
-        [1.0, 3.0, 0.3, 2.0, 5.0, 0.1]
-            .into_iter()
-            .map(|information: f64| {
-                let turn = 3.0 * noise();
-                let signal = size * information.sqrt();
-                let (a, b) = (signal * turn.cos() + noise(), signal * turn.sin() + noise());
-                let amplitude = Vector2::new(a, b) / information.sqrt();
-                Fit { drop: a * a + b * b, amplitude, information }
-            })
-            .collect()
-    }
-
-    /// Noise seldom has any evidence of an imbalance, and one ten standard deviations large is found at its size.
-    #[test]
-    fn evidence_of_an_imbalance_is_not_made_by_noise() {
-        let mut random = Pcg64::new(9, 1);
-        let mut noise = || -> f64 { StandardNormal.sample(&mut random) };
-        let by_noise = (0..8000).filter(|_| one_size(&fits(0.0, &mut noise)).unwrap().0 > 5.0).count();
-        assert!(by_noise < 40, "{by_noise}");
-        let strong: Vec<(f64, f64)> = (0..200).map(|_| one_size(&fits(3.0, &mut noise)).unwrap()).collect();
-        let mean_size = strong.iter().map(|(_, size)| size).sum::<f64>() / 200.0;
-        let plain = strong.iter().filter(|(evidence, _)| *evidence > 20.0).count();
-        assert!((mean_size - 3.0).abs() < 0.1 && plain > 190, "{mean_size} {plain}");
+        let size = matrix.try_inverse().map_or_else(Vector2::zeros, |m| m * vector);
+        let explained = signals.map(|[a, b]| a.iter().zip(b).map(|(x, y)| size.x * x + size.y * y).collect());
+        Self { drop: size.dot(&vector), information: 0.5 * matrix.trace(), explained }
     }
 }

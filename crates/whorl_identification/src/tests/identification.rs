@@ -104,7 +104,7 @@ fn speeds_of_wheels_do(seeds: u64, band: Range<f64>) {
     for seed in 1..=seeds {
         let mut run = run_of(&truth, seed);
         run.wheel_torque_command_n_m = Default::default();
-        let comparison = whorl_validation::compare(&run, &truth).unwrap();
+        let comparison = whorl_validation::compare(&run, &truth, None).unwrap();
         assert!(comparison.is_noise(), "{}", comparison.answer());
         // Friction and motors' limits are not in what speeds show: a model that is wrong there does as well.
         let mut model = wrong_model(&truth);

@@ -1,4 +1,7 @@
+mod balance;
+mod contact;
 mod diagnoses;
 mod identification;
+mod normal_equations;
 mod sequential;
 mod simulation;

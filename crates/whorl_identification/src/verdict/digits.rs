@@ -10,8 +10,7 @@ use crate::verdict::diagnosis::{Candidate, ParameterEstimate};
 
 /// Clipping and coarse steps of the gyro beyond what the model has, which the readings themselves show.
 pub(crate) fn row(
-    training: &[Recording],
-    held_out: &[Recording],
+    (training, held_out): (&[Recording], &[Recording]),
     model: &PlatformModel,
     is_excluded: impl Fn(&str) -> bool,
 ) -> Option<Candidate> {
@@ -24,22 +23,21 @@ pub(crate) fn row(
         runs.iter().filter(|run| !is_clamped(run, model)).map(|run| digits_of_gyro(run, model)).collect()
     };
     let digits = of(training);
-    let least = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::INFINITY, f64::min);
     let clips_at = digits.iter().filter_map(|of_run| of_run.clips_at_rad_s);
-    let range = least(&mut clips_at.filter(|limit| *limit < 0.98 * errors.range));
-    let step = least(&mut digits.iter().map(|of_run| of_run.step_rad_s));
+    let range = clips_at.filter(|limit| *limit < 0.98 * errors.range).min_by(f64::total_cmp);
+    let step = digits.iter().map(|of_run| of_run.step_rad_s).min_by(f64::total_cmp).unwrap_or(f64::INFINITY);
     let coarse = step.is_finite() && step > 1.5 * errors.quantum && step > 0.3 * errors.noise_stddev.amin();
-    if is_excluded(effect) || !range.is_finite() && !coarse {
+    if is_excluded(effect) || range.is_none() && !coarse {
         return None;
     }
     let stddev = 0.5 * step.clamp(1e-6, 1e-3);
-    let of_range = range.is_finite().then(|| ParameterEstimate::new(range_name, "rad/s", range, stddev));
+    let of_range = range.map(|range| ParameterEstimate::new(range_name, "rad/s", range, stddev));
     let of_step = coarse.then(|| ParameterEstimate::new(step_name, "rad/s", step, 1e-3 * step));
+    let parameters = of_range.into_iter().chain(of_step).collect();
     let seen_nats = |of_run: &Digits| {
-        of_run.clips_nats * f64::from(range.is_finite()) + of_run.step_nats * f64::from(coarse)
+        of_run.clips_nats * f64::from(range.is_some()) + of_run.step_nats * f64::from(coarse)
     };
     let log_evidence: f64 = digits.iter().map(seen_nats).sum();
-    let parameters = of_range.into_iter().chain(of_step).collect();
     Some(Candidate {
         held_out_gain: (!held_out.is_empty()).then(|| of(held_out).iter().map(seen_nats).sum()),
         // Readings that are rounded or cut off are no torque.

@@ -1,39 +1,35 @@
 //! The noise that runs show, and sensors that contradict each other.
 
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
 use whorl_math::noise::from_second_differences;
 use whorl_math::statistics::median;
 use whorl_prediction::{Noise, Prepared};
-use whorl_recording::{Channel, Component};
+use whorl_recording::{Channel, Component, Series};
 
 use crate::selection::{Evaluated, Runs};
 use crate::verdict::diagnosis::{NoiseScale, Unknown};
-use crate::{DiagnosisError, Settings};
+use crate::{Outcome, Settings};
 
 /// Noise of each channel of each training run over what the model states. And accelerometer or vector sensors against the gyro, if no motion at
 /// all fits both: with a torque that may do anything these sensors need a noise far above what their own samples scatter by.
-pub(super) fn noise_of(
-    runs: &Runs<'_>,
-    set: &Evaluated,
-) -> Result<(Vec<NoiseScale>, Option<Unknown>), DiagnosisError> {
+pub(super) fn noise_of(runs: &Runs<'_>, set: &Evaluated) -> Outcome<(Vec<NoiseScale>, Option<Unknown>)> {
     let model = set.model(runs.reference)?;
+    let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len().max(1) as f64;
     let (mut scales, mut powers_of_runs) = (Vec::new(), Vec::new());
     for (recording, followed) in runs.training.iter().zip(&set.fitted.followed) {
         let case = Prepared::new(recording, &model, runs.prediction())?;
         let stated = Noise::stated(&case)?;
-        let mut sensors: Vec<((Channel, usize), Vec<f64>)> = Vec::new();
+        let mut sensors: BTreeMap<(Channel, usize), Vec<f64>> = BTreeMap::new();
         let mut powers: Vec<f64> = Vec::new();
         for component in case.components() {
             let (noise, stated) = (followed.noise.of(component), stated.of(component));
-            let sensor = (component.channel, component.sensor());
-            match sensors.iter_mut().find(|(known, _)| *known == sensor) {
-                Some((_, ratios)) => ratios.push(noise / stated),
-                None => sensors.push((sensor, vec![noise / stated])),
-            }
+            sensors.entry((component.channel, component.sensor())).or_default().push(noise / stated);
             if matches!(component.channel, Channel::Accelerometer | Channel::Vector) {
                 powers.push((noise / stated.max(scatter(&case, component))).powi(2));
             }
         }
-        let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len().max(1) as f64;
         powers_of_runs.extend((!powers.is_empty()).then(|| mean(&powers)));
         scales.extend(sensors.iter().map(|((channel, _), ratios)| NoiseScale {
             run: recording.name.clone(),
@@ -48,17 +44,16 @@ pub(super) fn noise_of(
 
 /// Noise of one component by second differences of neighbouring samples; 0 where there are too few.
 fn scatter(case: &Prepared<'_>, component: Component) -> f64 {
-    let recording = case.recording();
+    let of_axis = |series: &Series<Vector3<f64>>, i: usize| {
+        let values: Vec<f64> = series.value.iter().map(|v| v[i]).collect();
+        from_second_differences(&values).unwrap_or(0.0)
+    };
     if component.channel == Channel::Accelerometer {
-        let readings = recording.specific_force_b_m_s2.value.iter();
-        let values: Vec<f64> = readings.filter_map(|f| f.get(component.index()).copied()).collect();
-        return from_second_differences(&values).unwrap_or(0.0);
+        return of_axis(&case.recording().specific_force_b_m_s2, component.index());
     }
-    let Some(vector) = recording.vectors.get(component.sensor()) else { return 0.0 };
-    let axis = |i: usize| -> Vec<f64> { vector.direction_b.value.iter().map(|v| v[i]).collect() };
+    let Some(vector) = case.recording().vectors.get(component.sensor()) else { return 0.0 };
     // Three components share the noise of two directions.
-    let squares = (0..3).filter_map(|i| from_second_differences(&axis(i))).map(|s| s * s);
-    (squares.sum::<f64>() / 2.0).sqrt()
+    ((0..3).map(|i| of_axis(&vector.direction_b, i).powi(2)).sum::<f64>() / 2.0).sqrt()
 }
 
 /// A sentence for each sensor whose noise is not the model's.

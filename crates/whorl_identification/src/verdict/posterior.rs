@@ -2,23 +2,74 @@
 
 use std::collections::BTreeMap;
 
-use crate::Settings;
-use crate::selection::{Evaluated, Selection};
+use crate::selection::unlisted::laws_beside;
+use crate::selection::{Evaluated, Runs, Selection, log_prior};
+use crate::signals::lines::Lines;
+use crate::signals::{Observed, remains_of};
 use crate::verdict::diagnosis::{FittedSet, ParameterOfSet, Termination, Unknown, Verdict};
+use crate::{Outcome, Settings};
 
-/// Every set and law with its probability, and what follows from these.
-#[derive(Debug, Clone)]
+/// Deviations, over those of a certain line, from which a periodicity that no effect explains is one: beside no effect, and beside some, whose
+/// formulas leave lines.
+const PERIODIC: [f64; 2] = [1.5, 2.0];
+/// Share of the evidence of an effect above which its residual is another law, over that which its own formula may leave: twice its error.
+const OF_OTHER_LAW: f64 = 4.0;
+
+/// A set, the runs as it leaves them, and what is periodic in that.
+#[derive(Clone, Copy)]
+pub(crate) struct Left<'s, 'a> {
+    pub set: &'s Evaluated,
+    pub observed: &'s [Observed<'a>],
+    pub lines: &'s Lines,
+}
+
 pub(crate) struct Posterior {
     /// Most probable first, then sets that are not admissible.
     pub sets: Vec<FittedSet>,
     /// Probability of all that hold something unmodelled.
     pub unknown: f64,
-    /// Probability that nothing is missing.
     pub nothing: f64,
     settings: Settings,
 }
 
 impl Posterior {
+    /// Over sets of the catalogue's effects, and unlisted laws beside the best of them and alone, as it may only look like what is missing. No laws
+    /// where a set leaves nothing: what is not there follows none.
+    pub fn of(selection: &Selection<'_>, [best, base]: [Left<'_, '_>; 2], applied_n_m: f64) -> Outcome<Self> {
+        let settings = &selection.runs.reference.settings;
+        let law_beside = |set: &Evaluated, unknown: Unknown, gain: f64| {
+            let log_evidence = selection.log_posterior(set) + gain - log_prior(set.names(), settings);
+            FittedSet { unmodelled: Some(unknown), log_evidence, ..of_set(selection, set, gain) }
+        };
+        let mut all: Vec<FittedSet> = Vec::new();
+        // A law must explain more than the shape errors of the set's own formulas leave.
+        let explained = best.set.log_evidence - base.set.log_evidence;
+        let least = OF_OTHER_LAW * settings.misspecification * explained;
+        let beside_base = (!best.set.names().is_empty()).then_some(base);
+        for left in std::iter::once(best).chain(beside_base) {
+            if remains_of(left.observed).significance() <= settings.noticed_stddevs {
+                continue;
+            }
+            let is_large =
+                |law: &Unknown| law.unit != "N m" || law.size > settings.background_share * applied_n_m;
+            for (law, gain) in laws_beside(&selection.runs, left)? {
+                if left.set.names().is_empty() || is_large(&law) && gain > least {
+                    all.push(law_beside(left.set, law, gain));
+                }
+            }
+        }
+        // A periodicity that no effect explains: its peak as that of a normal variable, less the number of frequencies at which it might have been.
+        let lines = best.lines;
+        let factor = PERIODIC[usize::from(!best.set.names().is_empty())];
+        if lines.strongest >= factor * settings.certain_stddevs {
+            let unknown = Unknown { frequency_hz: lines.hz.first().copied(), ..Unknown::torque_in_time(0.0) };
+            let log_evidence = 0.5 * lines.strongest.powi(2) - lines.frequencies.ln();
+            all.push(law_beside(best.set, unknown, settings.unmodelled.ln() + log_evidence));
+        }
+        all.extend(selection.evaluated.iter().map(|set| fitted_set(selection, set, applied_n_m)));
+        Ok(Self::new(all, settings))
+    }
+
     /// Of sets with any probability, and with none those that are not admissible.
     pub fn new(mut sets: Vec<FittedSet>, settings: &Settings) -> Self {
         let admissible = || sets.iter().filter(|set| set.probability > 0.0);
@@ -27,10 +78,9 @@ impl Posterior {
         for set in sets.iter_mut().filter(|set| set.probability > 0.0) {
             set.probability = (set.log_posterior - most).exp() / sum;
         }
-        let order = |set: &FittedSet| (set.probability, set.log_posterior);
         sets.sort_by(|a, b| {
-            let ((pa, la), (pb, lb)) = (order(a), order(b));
-            pb.total_cmp(&pa).then(lb.total_cmp(&la))
+            let of_log = || b.log_posterior.total_cmp(&a.log_posterior);
+            b.probability.total_cmp(&a.probability).then_with(of_log)
         });
         let sum = |test: &dyn Fn(&FittedSet) -> bool| -> f64 {
             sets.iter().filter(|set| test(set)).map(|set| set.probability).sum()
@@ -66,89 +116,66 @@ impl Posterior {
         sums.into_iter().filter(|(_, sum)| *sum >= self.settings.sure).map(|(id, _)| id.clone()).collect()
     }
 
+    /// Sets that an answer names, most probable first; `with_unknown`: beside something unmodelled.
+    pub fn named(&self, verdict: Verdict, with_unknown: bool) -> Vec<Vec<String>> {
+        match verdict {
+            Verdict::Named if with_unknown => vec![self.included()],
+            Verdict::Named => self.contenders().into_iter().take(1).collect(),
+            Verdict::Confounded if self.nothing < 0.5 => self.contenders(),
+            _ => Vec::new(),
+        }
+    }
+
     /// The verdict; `could_see`: an effect of ordinary size would have shown.
     pub fn verdict(&self, could_see: bool) -> Verdict {
-        let sure = self.settings.sure;
+        let (sure, named) = (self.settings.sure, 1.0 - self.unknown - self.nothing);
+        let is_sure = |set: &FittedSet| set.probability >= sure && set.unmodelled.is_none();
         if self.unknown > 0.5 {
-            return if self.included().is_empty() { Verdict::Unknown } else { Verdict::Named };
-        }
-        let named = 1.0 - self.unknown - self.nothing;
-        if self.nothing >= sure && could_see {
-            return Verdict::NothingMissing;
-        }
-        if self.nothing > 1.0 - sure || named <= 0.5 {
-            return Verdict::NotEnoughInformation;
-        }
-        match self.sets.first() {
-            Some(first) if first.probability >= sure && first.unmodelled.is_none() => Verdict::Named,
-            _ => Verdict::Confounded,
+            if self.included().is_empty() { Verdict::Unknown } else { Verdict::Named }
+        } else if self.nothing >= sure && could_see {
+            Verdict::NothingMissing
+        } else if self.nothing > 1.0 - sure || named <= 0.5 {
+            Verdict::NotEnoughInformation
+        } else if self.sets.first().is_some_and(is_sure) {
+            Verdict::Named
+        } else {
+            Verdict::Confounded
         }
     }
 }
 
-/// A set that was fitted, with what it was found to be worth.
-pub(super) fn fitted_set(selection: &Selection<'_>, set: &Evaluated, applied_n_m: f64) -> FittedSet {
-    let (reference, settings) = (selection.runs.reference, &selection.runs.reference.settings);
+/// What is known of a set before its values, with something beside it that gains so much.
+fn of_set(selection: &Selection<'_>, set: &Evaluated, gain: f64) -> FittedSet {
+    FittedSet {
+        effects: set.owned_names(),
+        log_prior: log_prior(set.names(), &selection.runs.reference.settings),
+        log_posterior: selection.log_posterior(set) + gain,
+        probability: 1.0,
+        ..FittedSet::default()
+    }
+}
+
+fn fitted_set(selection: &Selection<'_>, set: &Evaluated, applied_n_m: f64) -> FittedSet {
+    let Runs { held_out, reference, .. } = selection.runs;
     let parameters = set.columns.iter().enumerate().map(|(i, column)| {
         let found = set.parameter(reference, i);
         let (group, stddev) = (column.group.to_owned(), Some(found.stddev));
         ParameterOfSet { group, name: found.name, unit: found.unit, value: found.estimate, stddev }
     });
-    let has_held_out = !selection.runs.held_out.is_empty();
     // A slow random torque may be more than background.
     let torque_n_m = set.torque_n_m();
-    let is_loud = torque_n_m > settings.background_share * applied_n_m;
+    let is_loud = torque_n_m > reference.settings.background_share * applied_n_m;
     FittedSet {
-        effects: set.owned_names(),
         unmodelled: is_loud.then(|| Unknown::torque_in_time(torque_n_m)),
         parameters: parameters.collect(),
         log_evidence: set.log_evidence,
-        held_out_gain: has_held_out.then_some(set.held_out_log - selection.base().held_out_log),
-        log_prior: selection.log_prior(set),
-        log_posterior: selection.log_posterior(set),
+        held_out_gain: (!held_out.is_empty()).then(|| set.held_out_log - selection.base().held_out_log),
         probability: f64::from(selection.is_admissible(set)),
         termination: Some(if set.fitted.stands { Termination::Converged } else { Termination::GivenUp }),
         seconds: set.seconds,
+        ..of_set(selection, set, 0.0)
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn weighted(effects: &[&str], probability: f64) -> FittedSet {
-        FittedSet {
-            effects: effects.iter().map(|e| (*e).to_owned()).collect(),
-            log_posterior: probability.ln(),
-            probability: 1.0,
-            ..FittedSet::default()
-        }
-    }
-
-    #[test]
-    fn a_verdict_is_read_off_the_probabilities() {
-        let verdict = |list: &[(&[&str], f64)]| {
-            let all = list.iter().map(|(set, p)| weighted(set, *p)).collect();
-            Posterior::new(all, &Settings::default()).verdict(true)
-        };
-        assert_eq!(verdict(&[(&["a"], 0.97), (&["b"], 0.02), (&[], 0.01)]), Verdict::Named);
-        assert_eq!(verdict(&[(&["a"], 0.70), (&["b"], 0.29), (&[], 0.01)]), Verdict::Confounded);
-        assert_eq!(verdict(&[(&["a"], 0.20), (&[], 0.80)]), Verdict::NotEnoughInformation);
-        assert_eq!(verdict(&[(&["a"], 0.03), (&[], 0.97)]), Verdict::NothingMissing);
-        let posterior = Posterior::new(
-            vec![weighted(&["b"], 0.3), weighted(&["a"], 0.6), weighted(&["c"], 0.1)],
-            &Settings::default(),
-        );
-        assert_eq!(posterior.contenders(), [["a"], ["b"], ["c"]]);
-        assert!((posterior.sets[0].probability - 0.6).abs() < 1e-12);
-        // Something unknown beside a friction that is there in any case is said with it, not in its place.
-        let with = |effects: &[&str], probability: f64| FittedSet {
-            unmodelled: Some(Unknown::torque_in_time(1.0)),
-            ..weighted(effects, probability)
-        };
-        let beside = Posterior::new(vec![with(&["a"], 0.9), weighted(&["a"], 0.1)], &Settings::default());
-        assert_eq!((beside.verdict(true), beside.included()), (Verdict::Named, vec!["a".to_owned()]));
-        let instead = Posterior::new(vec![with(&["a"], 0.5), with(&[], 0.5)], &Settings::default());
-        assert_eq!(instead.verdict(true), Verdict::Unknown);
-    }
-}
+mod tests;

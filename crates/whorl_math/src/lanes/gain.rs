@@ -1,5 +1,6 @@
 //! Gains of the readings of an instant.
 
+use super::Lanes;
 use super::sparse::dot;
 
 /// How the readings of an instant change the state, one after the other.
@@ -37,6 +38,14 @@ impl Gain {
         self.variances.push(variance);
     }
 
+    /// Innovations over their deviations.
+    pub fn normalise(&self, d: &mut Lanes) {
+        for (r, variance) in self.variances.iter().enumerate() {
+            let deviation = variance.sqrt();
+            d.row_mut(r).iter_mut().for_each(|d| *d /= deviation);
+        }
+    }
+
     /// The gain of a reading.
     #[inline(always)]
     pub fn of(&self, reading: usize) -> &[f64] {
@@ -55,36 +64,4 @@ impl Gain {
 #[inline(always)]
 pub(super) fn first_coupling(reading: usize) -> usize {
     reading * reading.saturating_sub(1) / 2
-}
-
-impl Gain {
-    /// Appends what it has to lists: gains, couplings, variances.
-    pub fn append_to(&self, gains: &mut Vec<f32>, couplings: &mut Vec<f32>, variances: &mut Vec<f64>) {
-        gains.extend(self.gains.iter().map(|x| *x as f32));
-        couplings.extend(self.couplings.iter().map(|x| *x as f32));
-        variances.extend(&self.variances);
-    }
-
-    /// How many numbers each of these lists has of so many readings.
-    pub fn lengths(size: usize, count: usize) -> [usize; 3] {
-        [count * size, first_coupling(count), count]
-    }
-
-    /// Takes that of so many readings back from lists, of gains and couplings, and of variances, each from a place on which it moves on.
-    pub fn take_from(
-        &mut self,
-        size: usize,
-        count: usize,
-        [gains, couplings]: [&[f32]; 2],
-        variances: &[f64],
-        at: &mut [usize; 3],
-    ) {
-        let lengths = Self::lengths(size, count);
-        let [of_gains, of_couplings, of_variances] = [0, 1, 2].map(|k| at[k]..at[k] + lengths[k]);
-        self.clear(size);
-        self.gains.extend(gains[of_gains].iter().map(|x| f64::from(*x)));
-        self.couplings.extend(couplings[of_couplings].iter().map(|x| f64::from(*x)));
-        self.variances.extend(&variances[of_variances]);
-        at.iter_mut().zip(lengths).for_each(|(at, length)| *at += length);
-    }
 }

@@ -10,17 +10,17 @@
 //!
 //! with the derivatives h_r of the readings of one instant, one after the other, and their gains k_r.
 
+mod constants;
 mod gain;
 mod gram;
 mod kernels;
-mod packed;
 mod sparse;
 mod transition;
 
+pub use constants::Constants;
 pub use gain::Gain;
 pub use gram::Gram;
 pub use kernels::Own;
-pub use packed::Packed;
 pub use sparse::{Sparse, dot};
 pub use transition::{Step, fastest_rate_1_s};
 

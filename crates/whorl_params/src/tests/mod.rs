@@ -1,5 +1,6 @@
 //! Tests of the crate as a whole.
 
+mod changes;
 mod damaged_files;
 mod editing;
 mod errors;

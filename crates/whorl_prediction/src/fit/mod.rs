@@ -1,24 +1,15 @@
 //! Parameters of a model by the likelihood of recordings: Gauss and Newton's steps through the filter's own sensitivities.
-//!
-//! Values and levels of noise are found by turns ([`search`]): at fixed levels the values ascend to the maximum of the posterior ([`ascent`]), and with them the levels
-//! are found anew.
 
-mod ascent;
-mod problem;
 mod search;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
+use rayon::prelude::*;
 use whorl_dynamics::PlatformModel;
 use whorl_recording::Recording;
 
-use crate::laws::Laws;
-use crate::levels::{Followed, judged_again};
-use crate::noise::Noise;
+use crate::levels::{Fit, followed_from};
 use crate::passes::Pass;
-use crate::refusal::PredictionError;
-use crate::settings::Settings;
-
-use problem::{Problem, runs_of};
+use crate::{Followed, Laws, Noise, PredictionError, Prepared, Settings, Varied};
 
 /// A parameter of a family of models, counted in a unit of its own from where nothing is known better.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,24 +63,25 @@ pub fn fit(
     let log_posterior_before = begun.log_posterior;
     let mut best = problem.settled(begun, rival.log_posterior_needed)?;
     let judged = problem.each(&best.iterate.at, |case, run| {
-        Ok(judged_again(case, &Noise::stated(case)?, &best.iterate.followed[run]))
+        Ok(followed_from(case, &Noise::stated(case)?, &best.iterate.followed[run], Fit::AtEnd))
     })?;
-    if runs_of(&judged) != runs_of(&best.iterate.followed) {
+    let has_other =
+        |(a, b): (&Followed, &Followed)| (&a.noise, &a.fitted.start) != (&b.noise, &b.fitted.start);
+    if judged.iter().zip(&best.iterate.followed).any(has_other) {
         best.information = None;
     }
     best.iterate = problem.iterate(&best.iterate.at, judged);
     // Beside disturbances parameters hardly matter, and both shrink slowly: the model without them may explain everything by now.
-    let undisturbed = problem.without_disturbance(&best.iterate).filter(|_| !best.is_hopeless);
-    if let Some(undisturbed) = undisturbed {
+    if let Some(undisturbed) = problem.without_disturbance(&best.iterate).filter(|_| !best.is_hopeless) {
         let undisturbed = problem.settled(undisturbed, best.iterate.log_posterior)?;
         if undisturbed.iterate.log_posterior > best.iterate.log_posterior {
             best = undisturbed;
         }
     }
-    let (at, followed) = (best.iterate.at, best.iterate.followed);
+    let Iterate { at, followed, log_posterior } = best.iterate;
     let information = match best.information {
         Some(found) => found,
-        None => problem.normal_equations(&at, &problem.passes(&at, &runs_of(&followed))?).2,
+        None => problem.normal_equations(&at, &problem.passes(&at, &followed)?).2,
     };
     let n = parameters.len();
     let root = Cholesky::new(information);
@@ -97,7 +89,6 @@ pub fn fit(
     // log of the posterior's determinant over the prior's.
     let narrower: f64 = root.map_or(f64::NAN, |root| root.l().diagonal().iter().map(|x| x.ln()).sum());
     let known: f64 = parameters.iter().filter(|p| p.stddev.is_finite()).map(|p| p.stddev.ln()).sum();
-    let log_posterior = best.iterate.log_posterior;
     Ok(Fitted {
         covariance,
         at_bound: problem.held(&at, &DVector::zeros(n)),
@@ -150,11 +141,103 @@ pub fn hints(
     settings: &Settings,
 ) -> Result<Vec<Hints>, PredictionError> {
     let problem = Problem { recordings, parameters, model_at, settings };
-    let (varied, runs) = (problem.varied(at)?, runs_of(followed));
+    let varied = problem.varied(at)?;
     problem.each(at, |case, run| {
-        let (noise, start) = runs.get(run).ok_or(PredictionError::NoModel)?;
-        let Pass { sums, slope, likelihood, .. } =
-            Pass::of(case, noise, start, &varied, laws.get(run), false)?;
-        Ok(Hints { information: sums.information, slope, log_likelihood: likelihood.log })
+        let with = followed.get(run).ok_or(PredictionError::NoModel)?;
+        let of = Pass::of(case, &with.noise, &with.fitted.start, &varied, laws.get(run), false)?;
+        Ok(Hints { information: of.sums.information, slope: of.slope, log_likelihood: of.likelihood.log })
     })
+}
+
+#[derive(Debug, Clone)]
+struct Iterate {
+    at: Vec<f64>,
+    log_posterior: f64,
+    followed: Vec<Followed>,
+}
+
+struct Problem<'a> {
+    recordings: &'a [Recording],
+    parameters: &'a [Parameter],
+    model_at: &'a ModelAt<'a>,
+    settings: &'a Settings,
+}
+
+impl Problem<'_> {
+    fn log_prior(&self, at: &[f64]) -> f64 {
+        self.parameters.iter().zip(at).map(|(p, x)| -0.5 * (x / p.stddev).powi(2)).sum()
+    }
+
+    /// The values with recordings that were followed with the model there.
+    fn iterate(&self, at: &[f64], followed: Vec<Followed>) -> Iterate {
+        let log = followed.iter().map(Followed::log_likelihood).sum::<f64>();
+        Iterate { log_posterior: log + self.log_prior(at), at: at.to_vec(), followed }
+    }
+
+    /// log p of passes and of the values, with its slope, and the information on the parameters.
+    fn normal_equations(&self, at: &[f64], passes: &[Pass]) -> (f64, DVector<f64>, DMatrix<f64>) {
+        let known = DVector::from_iterator(at.len(), self.parameters.iter().map(|p| p.stddev.powi(-2)));
+        let pulls = -DVector::from_column_slice(at).component_mul(&known);
+        let slope = passes.iter().fold(pulls, |sum, of| sum + &of.slope);
+        let known = DMatrix::from_diagonal(&known);
+        let information = passes.iter().fold(known, |sum, of| sum + &of.sums.information);
+        (self.log(at, passes), slope, information)
+    }
+
+    fn log(&self, at: &[f64], passes: &[Pass]) -> f64 {
+        passes.iter().map(|pass| pass.likelihood.log).sum::<f64>() + self.log_prior(at)
+    }
+
+    /// Passes over all recordings with the levels and starts of these, which keep how innovations change.
+    fn passes(&self, at: &[f64], with: &[Followed]) -> Result<Vec<Pass>, PredictionError> {
+        let varied = self.varied(at)?;
+        self.each(at, |case, run| {
+            Pass::of(case, &with[run].noise, &with[run].fitted.start, &varied, None, true)
+        })
+    }
+
+    /// Without columns, or with those that innovations had in passes close by; no model where the starts are those of other states.
+    fn passes_near(
+        &self,
+        at: &[f64],
+        with: &[Followed],
+        close: &[Pass],
+    ) -> Result<Vec<Pass>, PredictionError> {
+        self.each(at, |case, run| {
+            let with = with.get(run).filter(|with| with.is_of(case)).ok_or(PredictionError::NoModel)?;
+            let kept = close.get(run).and_then(|pass| pass.kept.as_ref());
+            Ok(Pass::near(case, &with.noise, &with.fitted.start, kept))
+        })
+    }
+
+    /// Something of each recording with the model there; on one thread, or on all.
+    fn each<T: Send>(
+        &self,
+        at: &[f64],
+        of: impl Fn(&Prepared<'_>, usize) -> Result<T, PredictionError> + Sync,
+    ) -> Result<Vec<T>, PredictionError> {
+        let model = (self.model_at)(at).ok_or(PredictionError::NoModel)?;
+        let one = |(run, recording): (usize, &Recording)| {
+            of(&Prepared::new(recording, &model, *self.settings)?, run)
+        };
+        if self.settings.threads.min(self.recordings.len()) < 2 {
+            return self.recordings.iter().enumerate().map(one).collect();
+        }
+        self.recordings.par_iter().enumerate().map(one).collect()
+    }
+
+    /// Models a little further along each parameter, on the side where there is one.
+    fn varied(&self, at: &[f64]) -> Result<Vec<Varied>, PredictionError> {
+        let step = |(i, parameter): (usize, &Parameter)| {
+            let size = self.settings.fit_difference * parameter.stddev.min(1.0);
+            [size, -size].into_iter().find_map(|step| {
+                let mut moved = at.to_vec();
+                moved[i] += step;
+                let inside = (parameter.range.0..=parameter.range.1).contains(&moved[i]);
+                inside.then(|| (self.model_at)(&moved)).flatten().map(|model| Varied { model, step })
+            })
+        };
+        let all: Option<Vec<Varied>> = self.parameters.iter().enumerate().map(step).collect();
+        all.ok_or(PredictionError::NoModel)
+    }
 }

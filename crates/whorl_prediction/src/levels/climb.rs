@@ -3,16 +3,10 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::scores::{Level, Scores};
-use crate::filter::{Filter, Likelihood};
-use crate::innovations::Innovation;
-use crate::noise::Noise;
-use crate::prepared::Prepared;
-use crate::settings::Settings;
-use crate::start::Start;
+use crate::filter::Filter;
 use crate::trail::Trail;
+use crate::{Likelihood, Noise, Prepared, Start};
 
-/// Memory for a block of a way at most \[bytes\]: two minutes or more of three sensors at 100 Hz, several times the longest correlation time.
-const MOST_BYTES: usize = 24 << 20;
 /// A variance changes by this factor at most in a step.
 const LARGEST_STEP: f64 = 100.0;
 /// What is tried of a step that makes the run less likely as a whole.
@@ -24,7 +18,13 @@ const LEAST_INFORMATION: f64 = 0.05;
 /// That is doubled so often at most: up to more than any recording has.
 const DAMPINGS: usize = 64;
 
-/// Levels, and how likely a run or its first part is with them.
+/// What levels are found of: a run, or its first so many instants, and the levels that are stated.
+struct Part<'a> {
+    case: &'a Prepared<'a>,
+    stated: &'a Noise,
+    most: usize,
+}
+
 pub(super) struct Place {
     pub noise: Noise,
     pub start: Start,
@@ -35,8 +35,7 @@ pub(super) struct Place {
     scores: Scores,
 }
 
-/// Climbs from levels on; `None` where the motion is lost with them. Of the first so many instants roughly; of the whole run torques that do not show are
-/// left out, and never come back.
+/// Climbs from levels on; `None` where the motion is lost with them. Of the first so many instants roughly; of a whole run without torques that do not show.
 pub(super) fn climb(
     case: &Prepared<'_>,
     stated: &Noise,
@@ -45,22 +44,27 @@ pub(super) fn climb(
     first: Option<usize>,
 ) -> Option<Place> {
     let settings = case.settings();
-    let most = first.unwrap_or(usize::MAX);
+    let part = Part { case, stated, most: first.unwrap_or(usize::MAX) };
     let stands_nats = settings.level_stands_nats * if first.is_some() { ROUGHLY } else { 1.0 };
-    let mut here = Place::of(case, stated, noise, start, most, f64::NEG_INFINITY)?;
+    let mut here = part.place(noise, start, f64::NEG_INFINITY)?;
     let mut needed = Vec::new();
     for _ in 0..settings.level_steps {
-        let Some(step) = Step::of(&here, stated, settings) else { break };
+        let Some((step, gain_nats)) = here.step(&part) else { break };
         let unseen = if first.is_none() { here.unseen(settings.level_seen_nats) } else { Vec::new() };
         let next_with = |share: f64, without: &[Level], least| {
-            let noise = moved(&here.noise, &here.levels, &step.by, share, without);
-            Place::of(case, stated, noise, &here.start, most, least)
+            let mut noise = here.noise.clone();
+            for (level, by) in here.levels.iter().zip(&step) {
+                let factor = if without.contains(level) { 0.0 } else { (0.5 * share * by).exp() };
+                level.set(&mut noise, level.stddev(&here.noise) * factor);
+            }
+            noise.disturbance.forget_silent();
+            part.place(noise, &here.start, least)
         };
-        let is_close = step.gain_nats <= stands_nats;
+        let is_close = gain_nats <= stands_nats;
         let least = here.objective - settings.level_seen_nats * unseen.len() as f64;
         let is_asked = !unseen.is_empty() && unseen != needed;
-        let mut next =
-            is_asked.then(|| next_with(if is_close { 0.0 } else { 1.0 }, &unseen, least)).flatten();
+        let share = if is_close { 0.0 } else { 1.0 };
+        let mut next = is_asked.then(|| next_with(share, &unseen, least)).flatten();
         if next.is_none() {
             needed = unseen;
             if is_close {
@@ -74,27 +78,57 @@ pub(super) fn climb(
     Some(here)
 }
 
-impl Place {
+impl Part<'_> {
     /// `None` where the motion is lost, or nothing is likelier than `least`.
-    fn of(
-        case: &Prepared<'_>,
-        stated: &Noise,
-        noise: Noise,
-        start: &Start,
-        most: usize,
-        least: f64,
-    ) -> Option<Self> {
-        let start = start.with_levels(case, &noise);
-        let levels = Level::all(case, &noise);
-        let prior: f64 = levels.iter().map(|level| log_prior(*level, &noise, stated, case.settings())).sum();
-        let (scores, log) = scored(case, &noise, &start, &levels, most, least - prior)?;
-        Some(Self { noise, start, log, objective: log + prior, levels, scores })
+    fn place(&self, noise: Noise, start: &Start, least: f64) -> Option<Place> {
+        let start = start.with_levels(self.case, &noise);
+        let levels = Level::all(self.case, &noise);
+        let readings = levels.iter().filter(|level| !level.is_torque());
+        let prior: f64 = readings.map(|level| -0.5 * self.known() * self.off(*level, &noise).powi(2)).sum();
+        let (scores, log) = scored(self.case, &noise, &start, &levels, self.most, least - prior)?;
+        Some(Place { noise, start, log, objective: log + prior, levels, scores })
     }
 
+    /// Information that a stated level of a reading is, on the logarithm of its variance.
+    fn known(&self) -> f64 {
+        0.25 * self.case.settings().stated_noise_factor.ln().powi(-2)
+    }
+
+    /// How far a level is from the stated one, as the logarithm of their variances' ratio.
+    fn off(&self, level: Level, noise: &Noise) -> f64 {
+        2.0 * (level.stddev(noise) / level.stddev(self.stated)).ln()
+    }
+}
+
+impl Place {
     /// Torques that make the part hardly likelier, whatever their levels.
     fn unseen(&self, least_nats: f64) -> Vec<Level> {
         let torques = self.levels.iter().enumerate().filter(|(_, level)| level.is_torque());
         torques.filter(|(i, _)| self.scores.worth_nats(*i) < least_nats).map(|(_, level)| *level).collect()
+    }
+
+    /// A step of the logarithms of variances, and what it gains by gradient and information. Of squares A and what is expected of them, B, it is that of
+    /// A log(A/B): exact at once where a level makes all of what readings show, and Newton's close to the top, where A is B.
+    fn step(&self, part: &Part<'_>) -> Option<(DVector<f64>, f64)> {
+        let Self { noise, levels, scores, .. } = self;
+        let (mut slope, mut pull) = (&scores.squares - &scores.expected, DVector::zeros(levels.len()));
+        let mut information = scores.information.clone();
+        for (i, level) in levels.iter().enumerate() {
+            // What no reading shows has neither.
+            let towards = scores.squares[i] * (scores.squares[i] / scores.expected[i]).ln();
+            pull[i] = if towards.is_finite() { towards } else { 0.0 };
+            information[(i, i)] += if level.is_torque() { LEAST_INFORMATION } else { part.known() };
+            if !level.is_torque() {
+                let of_prior = -part.known() * part.off(*level, noise);
+                slope[i] += of_prior;
+                pull[i] += of_prior;
+            }
+        }
+        // Far from the top it may lead down where levels do the same; that of the gradient itself never does.
+        let by = within(&information, &pull)?;
+        let by = if by.dot(&slope) > 0.0 { by } else { within(&information, &slope)? };
+        let gain_nats = 0.5 * by.dot(&slope);
+        gain_nats.is_finite().then_some((by, gain_nats))
     }
 }
 
@@ -109,21 +143,20 @@ pub(super) fn scored(
 ) -> Option<(Scores, f64)> {
     let mut filter = Filter::new(case, noise, start).about_known_biases(start);
     let mut likelihood = Likelihood::begun(filter.log_known);
-    filter.trail = Some(Trail::new(start.layout, DMatrix::zeros(0, 0), MOST_BYTES));
+    filter.trail = Some(Trail::new(start.layout));
     let mut scores = Scores::none(levels.len());
     for instants in 1.. {
-        let goes_on =
-            instants <= most && filter.step(&mut |innovation: &Innovation| likelihood.add(innovation));
+        let goes_on = instants <= most && filter.step(&mut |innovation| likelihood.add(innovation));
         // It keeps what it was given.
         let trail = filter.trail.as_mut()?;
-        if goes_on && !trail.is_full() {
+        if goes_on && !trail.is_full {
             continue;
         }
         let is_likelier = likelihood.log > least;
         if !goes_on && (filter.mean.lost || !is_likelier) {
             return None;
         }
-        scores.add(&Scores::of(trail, levels, noise));
+        scores.add(trail, levels, noise);
         if !goes_on {
             break;
         }
@@ -132,44 +165,7 @@ pub(super) fn scored(
     Some((scores, likelihood.log))
 }
 
-/// A step of the logarithms of variances.
-struct Step {
-    by: DVector<f64>,
-    /// What it gains by gradient and information.
-    gain_nats: f64,
-}
-
-impl Step {
-    /// Of squares A and what is expected of them, B, the step is that of A log(A/B): exact at once where a level makes all of what
-    /// readings show, and Newton's close to the top, where A is B.
-    fn of(place: &Place, stated: &Noise, settings: &Settings) -> Option<Self> {
-        let Place { noise, levels, scores, .. } = place;
-        let count = levels.len();
-        let (mut slope, mut pull) = (DVector::zeros(count), DVector::zeros(count));
-        let mut information: DMatrix<f64> = scores.information.clone();
-        for (i, level) in levels.iter().enumerate() {
-            let (squares, expected) = (scores.squares[i], scores.expected[i]);
-            let (known, of_prior) = if level.is_torque() {
-                (LEAST_INFORMATION, 0.0)
-            } else {
-                (known(settings), -known(settings) * off(*level, noise, stated))
-            };
-            slope[i] = squares - expected + of_prior;
-            // What no reading shows has neither.
-            let towards = squares * (squares / expected).ln();
-            pull[i] = of_prior + if towards.is_finite() { towards } else { 0.0 };
-            information[(i, i)] += known;
-        }
-        // Far from the top it may lead down where levels do the same; that of the gradient itself never does.
-        let by = within(&information, &pull)?;
-        let by = if by.dot(&slope) > 0.0 { by } else { within(&information, &slope)? };
-        let gain_nats = 0.5 * by.dot(&slope);
-        gain_nats.is_finite().then_some(Self { by, gain_nats })
-    }
-}
-
-/// A step in this direction that changes no level by more than it may, by as much further information as that takes: Levenberg, *Quarterly of Applied
-/// Mathematics* 2 (1944) 164.
+/// A step that changes no level by more than it may, by further information: Levenberg, *Quarterly of Applied Mathematics* 2 (1944) 164.
 fn within(information: &DMatrix<f64>, towards: &DVector<f64>) -> Option<DVector<f64>> {
     let count = towards.len();
     let mut further = 0.0;
@@ -181,29 +177,4 @@ fn within(information: &DMatrix<f64>, towards: &DVector<f64>) -> Option<DVector<
         further = if further > 0.0 { 2.0 * further } else { LEAST_INFORMATION };
     }
     None
-}
-
-/// The same noise with levels this share of a step further, and without those that are not seen.
-fn moved(noise: &Noise, levels: &[Level], by: &DVector<f64>, share: f64, unseen: &[Level]) -> Noise {
-    let mut moved = noise.clone();
-    for (level, by) in levels.iter().zip(by) {
-        let factor = if unseen.contains(level) { 0.0 } else { (0.5 * share * by).exp() };
-        level.set(&mut moved, level.stddev(noise) * factor);
-    }
-    moved.disturbance.forget_silent();
-    moved
-}
-
-/// Information that a stated level of a reading is, on the logarithm of its variance.
-fn known(settings: &Settings) -> f64 {
-    0.25 * settings.stated_noise_factor.ln().powi(-2)
-}
-
-/// How far a level is from the stated one, as the logarithm of their variances' ratio.
-fn off(level: Level, noise: &Noise, stated: &Noise) -> f64 {
-    2.0 * (level.stddev(noise) / level.stddev(stated)).ln()
-}
-
-fn log_prior(level: Level, noise: &Noise, stated: &Noise, settings: &Settings) -> f64 {
-    if level.is_torque() { 0.0 } else { -0.5 * known(settings) * off(level, noise, stated).powi(2) }
 }

@@ -1,7 +1,5 @@
-//! How noisy the readings are, and how large what pushes the platform besides its model: levels that the run shows.
-//!
-//! They are parameters as others are: log p has a gradient by each and an information ([`scores`]), and steps of all at once lead to
-//! the top ([`climb`]), from torques of the likeliest of sizes that are decades apart.
+//! How noisy the readings are, and how large what pushes the platform besides its model: levels that the run shows. Log p has a gradient by each and an
+//! information ([`scores`]), and steps of all at once lead to the top ([`climb`]), from torques of the likeliest of sizes that are decades apart.
 
 mod climb;
 mod scores;
@@ -10,32 +8,29 @@ mod scores;
 mod tests;
 
 use whorl_dynamics::PlatformModel;
+use whorl_math::covariance::narrowed;
 use whorl_math::statistics::{chi_squared_quantile, normal_probability};
 use whorl_recording::{Channel, Recording};
 
-use crate::cells::{SHARE_OF_MOTION_RAD, SHARE_OF_TIME};
-use crate::filter::{Filter, Likelihood};
-use crate::fitted::{FittedStart, fitted_start_near, fitted_start_within};
-use crate::noise::{Disturbance, Noise, RandomTorque};
-use crate::passes::narrowed;
-use crate::prepared::Prepared;
-use crate::refusal::PredictionError;
-use crate::settings::Settings;
-use crate::start::Start;
+use crate::filter::Filter;
+use crate::fitted::{fitted_start_near, fitted_start_within};
+use crate::readings::{SHARE_OF_MOTION_RAD, SHARE_OF_TIME};
 use crate::start::fastest_change;
+use crate::{
+    Disturbance, FittedStart, Likelihood, Noise, PredictionError, Prepared, RandomTorque, Settings, Start,
+};
 
 use climb::climb;
 
-/// Sizes of torques that levels begin with, each a tenth of the one before: from what makes the fastest motion within a second to far below a
-/// sensor's noise.
+/// Sizes of torques that levels begin with, each a tenth of the one before: from the fastest motion within a second to far below a sensor's noise.
 const SIZES: i32 = 7;
 /// Parts of a run over which levels are found, each so many times as long as the one before.
 const LONGER: usize = 6;
 /// Random torques about each axis.
 const PROCESSES: usize = 3;
-/// What is not seen in a part of a run may show in a longer one: each torque has this share of the largest about its axis again when one begins.
+/// What is not seen in a part of a run may show in a longer one: each torque has this share of the largest about its axis again.
 const LEAST_SHARE: f64 = 0.05;
-/// Disturbances are surely there if they make a run likelier by so many times what they must: what a fit on its way need not ask again.
+/// Disturbances are surely there if they make a run likelier by so many times what they must.
 const SURELY: f64 = 3.0;
 
 /// A run as its filter follows it best: with the levels that it shows, and the start.
@@ -55,38 +50,29 @@ pub struct Followed {
 
 impl Followed {
     /// log p of the run with these levels [natural logarithm].
-    #[must_use]
     pub fn log_likelihood(&self) -> f64 {
         let gained = if self.noise.disturbance.is_some() { self.gain_nats } else { 0.0 };
         self.undisturbed_likelihood.log + gained
     }
 
     /// Whether its starts have the states of the model of a case: of a model with others nothing can be taken over.
-    #[must_use]
     pub fn is_of(&self, case: &Prepared<'_>) -> bool {
         self.fitted.start.is_of(case) && self.undisturbed.start.is_of(case)
     }
 
     /// The same by the model without disturbances.
-    #[must_use]
     pub fn without_disturbance(&self) -> Self {
-        Self {
-            noise: self.undisturbed_noise(),
-            fitted: self.undisturbed.clone(),
-            gain_nats: 0.0,
-            ..self.clone()
-        }
+        let (noise, fitted) = (self.undisturbed_noise(), self.undisturbed.clone());
+        Self { noise, fitted, gain_nats: 0.0, ..self.clone() }
     }
 
     /// The noise without disturbances.
-    #[must_use]
     pub fn undisturbed_noise(&self) -> Noise {
         Noise { disturbance: Disturbance::NONE, ..self.noise.clone() }
     }
 }
 
 /// The same run with another disturbance, as a filter would begin: for passes that ask what more there is.
-#[must_use]
 pub fn followed_with(case: &Prepared<'_>, followed: &Followed, disturbance: Disturbance) -> Followed {
     let noise = Noise { disturbance, ..followed.noise.clone() };
     let start = followed.fitted.start.with_levels(case, &noise);
@@ -96,46 +82,55 @@ pub fn followed_with(case: &Prepared<'_>, followed: &Followed, disturbance: Dist
 
 /// Follows a run with the levels that it shows, beginning with the stated ones: by the first part of it, of torques of all sizes the likeliest, from there
 /// the likeliest levels, and with these the start; then by longer and longer parts.
-#[must_use]
 pub fn follow(case: &Prepared<'_>, stated: &Noise) -> Followed {
     let settings = case.settings();
     let part = settings.level_first_instants;
     let start_by = |noise: &Noise| fitted_start_within(case, noise, settings.level_start_instants);
     let loud = Noise { disturbance: first_guess(case), ..stated.clone() };
     let start = start_by(&loud).start;
-    let sizes =
-        (0..SIZES).map(|k| Noise { disturbance: loud.disturbance.scaled(0.1_f64.powi(k)), ..loud.clone() });
-    let log = |noise: &Noise| {
-        let start = start.with_levels(case, noise);
-        Filter::new(case, noise, &start).about_known_biases(&start).run(part, &mut |_| {}).log
-    };
-    let tried = sizes.map(|noise| (log(&noise), noise));
-    let best = tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(|| loud.clone(), |(_, noise)| noise);
+    let tried = (0..SIZES).map(|k| {
+        let mut noise = loud.clone();
+        noise.disturbance.stddevs_n_m_mut().for_each(|stddev| *stddev *= 0.1_f64.powi(k));
+        let start = start.with_levels(case, &noise);
+        let log = Filter::new(case, &noise, &start).about_known_biases(&start).run(part, &mut |_| {}).log;
+        (log, noise)
+    });
+    let best = tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(loud, |(_, noise)| noise);
     let noise = climb(case, stated, best.clone(), &start, Some(part)).map_or(best, |found| found.noise);
     let fitted = start_by(&noise);
     judged(case, found(case, stated, spread(case, noise), fitted, part.saturating_mul(LONGER)), None)
 }
 
-/// The same with a model close by, or a better one, than the one with which the run was followed before: where that one needed no disturbances, this one
-/// does not.
-#[must_use]
+/// The same with a model close to the one with which the run was followed before, or better: where that one needed no disturbances, this one does not.
 pub fn follow_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> Followed {
-    followed_from(case, stated, before, false)
+    followed_from(case, stated, before, Fit::None)
 }
 
-/// The same; on the way of a fit the model without disturbances is asked for at its end alone: while it is far from explaining the run, what was known
-/// of it before stands.
-pub(crate) fn followed_from(
-    case: &Prepared<'_>,
-    stated: &Noise,
-    before: &Followed,
-    is_on_way: bool,
-) -> Followed {
+/// Where a fit is.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Fit {
+    None,
+    /// What the model without disturbances makes of a run is asked for at the end alone: while it is far from explaining it, what was known before stands.
+    OnWay,
+    /// Torques of all correlation times are tried again, of which those that a worse model had hidden may show by now.
+    AtEnd,
+}
+
+pub(crate) fn followed_from(case: &Prepared<'_>, stated: &Noise, before: &Followed, fit: Fit) -> Followed {
     if !before.fitted.start.is_of(case) {
         return follow(case, stated);
     }
     if before.noise.disturbance.is_some() {
-        return judged(case, found_again(case, stated, before), is_on_way.then_some(before));
+        let mut best = found_again(case, stated, before);
+        if fit == Fit::AtEnd {
+            let again =
+                found(case, stated, spread(case, best.noise.clone()), best.fitted.clone(), case.instants());
+            best = if again.log > best.log { again } else { best };
+        }
+        return judged(case, best, (fit == Fit::OnWay).then_some(before));
+    }
+    if fit == Fit::AtEnd {
+        return before.clone();
     }
     let (noise, fitted) = (before.noise.clone(), &before.fitted);
     let noise = climb(case, stated, noise.clone(), &fitted.start, None).map_or(noise, |found| found.noise);
@@ -143,27 +138,13 @@ pub(crate) fn followed_from(
     Followed { noise, fitted: undisturbed.clone(), undisturbed, undisturbed_likelihood, gain_nats: 0.0 }
 }
 
-/// The same at the end of a fit: with torques of all correlation times again, of which those that a worse model had hidden may show by now, and with what
-/// the model without disturbances makes of the run.
-#[must_use]
-pub(crate) fn judged_again(case: &Prepared<'_>, stated: &Noise, followed: &Followed) -> Followed {
-    if !followed.noise.disturbance.is_some() {
-        return followed.clone();
-    }
-    let before = found_again(case, stated, followed);
-    let again =
-        found(case, stated, spread(case, before.noise.clone()), before.fitted.clone(), case.instants());
-    judged(case, if again.log > before.log { again } else { before }, None)
-}
-
 /// The same noise with torques of all correlation times.
 fn spread(case: &Prepared<'_>, noise: Noise) -> Noise {
     Noise { disturbance: noise.disturbance.spread(times_s(case), LEAST_SHARE), ..noise }
 }
 
-/// Correlation times of torques that come and go within a run: one that stays all along is a constant of the model, and of one that is gone at the next
-/// reading no reading tells that it comes and goes.
-pub(crate) fn times_s<'a>(case: &'a Prepared<'_>) -> &'a [f64] {
+/// Correlation times of torques that come and go within a run: one that stays is a constant of the model, and one that is gone at the next reading does not show.
+fn times_s<'a>(case: &'a Prepared<'_>) -> &'a [f64] {
     let times_s = &case.settings().disturbance_correlations_s;
     let duration_s = case.recording().duration_s();
     let sample_s = duration_s / case.instants().max(1) as f64;
@@ -174,9 +155,8 @@ pub(crate) fn times_s<'a>(case: &'a Prepared<'_>) -> &'a [f64] {
     &times_s[first.max(last.saturating_sub(PROCESSES))..last]
 }
 
-/// The longest time of which readings may be taken in together, [`Settings::cell_s`], up to that of the settings \[s\]: a quarter of a radian of the fastest
-/// motion, and a sixth of the shortest time of a random torque that the recordings show. None where only wheels move: their friction holds them and lets go between one reading
-/// and the next.
+/// The longest [`Settings::cell_s`] up to that of the settings \[s\]: a quarter of a radian of the fastest motion, and a sixth of the shortest time of a
+/// random torque that the recordings show. None where only wheels move: their friction holds them and lets go between readings.
 ///
 /// # Errors
 /// See [`PredictionError`].
@@ -185,18 +165,14 @@ pub fn longest_cell_s(
     model: &PlatformModel,
     settings: &Settings,
 ) -> Result<f64, PredictionError> {
-    let each = Settings { cell_s: 0.0, ..*settings };
     recordings.iter().try_fold(settings.cell_s, |longest_s, recording| {
-        let case = Prepared::new(recording, model, each)?;
-        if case.clamped {
-            return Ok(0.0);
-        }
+        let case = Prepared::new(recording, model, Settings { cell_s: 0.0, ..*settings })?;
         let shortest_s = times_s(&case).iter().copied().fold(f64::INFINITY, f64::min);
-        Ok(longest_s.min(SHARE_OF_TIME * shortest_s).min(SHARE_OF_MOTION_RAD / case.fastest_1_s.max(1e-9)))
+        let of_motion_s = SHARE_OF_MOTION_RAD / case.fastest_1_s.max(1e-9);
+        Ok(if case.clamped { 0.0 } else { longest_s.min(SHARE_OF_TIME * shortest_s).min(of_motion_s) })
     })
 }
 
-/// Levels of a run, and the start with them.
 struct Found {
     noise: Noise,
     fitted: FittedStart,
@@ -239,24 +215,21 @@ fn found(
     }
 }
 
-/// With disturbances if these make the run likelier by what they must.
+/// With disturbances if these make the run likelier by what they must; `before`: of the model without them, where they surely do.
 fn judged(case: &Prepared<'_>, Found { noise, fitted, log }: Found, before: Option<&Followed>) -> Followed {
+    let is_disturbed = noise.disturbance.is_some();
     let needed = by_chance_nats(noise.disturbance.count(), case.settings().level_needed_deviations);
-    let is_sure = |before: &&Followed| {
-        noise.disturbance.is_some() && log - before.undisturbed_likelihood.log > SURELY * needed
-    };
-    if let Some(before) = before.filter(is_sure) {
+    if let Some(before) = before.filter(|_| is_disturbed) {
         let gain_nats = log - before.undisturbed_likelihood.log;
-        return Followed { noise, fitted, gain_nats, ..before.clone() };
+        if gain_nats > SURELY * needed {
+            return Followed { noise, fitted, gain_nats, ..before.clone() };
+        }
     }
     let without = Noise { disturbance: Disturbance::NONE, ..noise.clone() };
     let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &without, &fitted, log);
     let gain_nats = log - undisturbed_likelihood.log;
-    let (noise, fitted) = if gain_nats > needed && noise.disturbance.is_some() {
-        (noise, fitted)
-    } else {
-        (without, undisturbed.clone())
-    };
+    let is_needed = gain_nats > needed && is_disturbed;
+    let (noise, fitted) = if is_needed { (noise, fitted) } else { (without, undisturbed.clone()) };
     Followed { noise, fitted, undisturbed, undisturbed_likelihood, gain_nats }
 }
 
@@ -268,13 +241,11 @@ fn by_chance_nats(parameters: usize, deviations: f64) -> f64 {
 /// Torques so large that they make the fastest motion of the run within a second.
 fn first_guess(case: &Prepared<'_>) -> Disturbance {
     let (body, wheels) = fastest_change(case);
-    // Where no speed is a reading, no motor shows.
-    let shown = case.tracks.iter().any(|track| track.channel == Channel::WheelSpeed);
-    let of_time =
-        |correlation_s: &f64| RandomTorque { stddev_b_n_m: [body; 3], correlation_s: *correlation_s };
+    let of_time = |tau_s: &f64| RandomTorque { stddev_b_n_m: [body; 3], correlation_s: *tau_s };
     Disturbance {
         body: times_s(case).iter().map(of_time).collect(),
-        motors_n_m: if shown { wheels } else { Vec::new() },
+        // Where no speed is a reading, no motor shows.
+        motors_n_m: if case.reads(Channel::WheelSpeed) { wheels } else { Vec::new() },
         motors_correlation_s: case.settings().motors_correlation_s,
     }
 }

@@ -2,7 +2,7 @@
 
 use maud::Markup;
 use whorl_explain::{Adoption, ComparedRun, Version};
-use whorl_validation::comparison::{Channel, Comparison, Overlay};
+use whorl_validation::comparison::{Channel, ChannelErrors, Comparison};
 
 use super::comparison::{measured_and_predicted, title};
 use super::versions::versions;
@@ -55,8 +55,9 @@ pub(super) fn pair(adoption: &Adoption) -> Option<(&ComparedRun, Vec<Figure>)> {
     let (before, after) = (given.runs.get(held_out)?, adopted.runs.get(held_out)?);
     let name = worst_channel(&before.comparison)?;
     let figure = |run: &ComparedRun, version: &Version| {
-        let overlay = run.comparison.overlays.iter().find(|overlay| overlay.name == name)?;
-        Some(measured_and_predicted(overlay, &format!(", {}", version.name)))
+        let channel = run.comparison.channels.iter().find(|channel| channel.name == name)?;
+        let overlay = channel.overlay.as_ref()?;
+        Some(measured_and_predicted(channel, overlay, &format!(", {}", version.name)))
     };
     Some((
         before,
@@ -66,12 +67,12 @@ pub(super) fn pair(adoption: &Adoption) -> Option<(&ComparedRun, Vec<Figure>)> {
 
 /// The channel with the largest error over its predicted deviation at the longest horizon.
 fn worst_channel(comparison: &Comparison) -> Option<String> {
-    let ratio = |overlay: &&Overlay| {
-        let channel = comparison.channels.iter().find(|channel| channel.name == overlay.name)?;
+    let ratio = |channel: &ChannelErrors| {
         channel.horizons.iter().rev().find(|h| h.horizon_s.is_some()).map(|h| h.ratio)
     };
     // How an accelerometer moves tells a reader nothing.
-    let shown = comparison.overlays.iter().filter(|overlay| overlay.quantity != Channel::Accelerometer);
-    let worst = shown.filter_map(|overlay| Some((overlay, ratio(&overlay)?)));
-    worst.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(overlay, _)| overlay.name.clone())
+    let is_shown = |of: &&ChannelErrors| of.overlay.is_some() && of.quantity != Channel::Accelerometer;
+    let shown = comparison.channels.iter().filter(is_shown);
+    let worst = shown.filter_map(|channel| Some((channel, ratio(channel)?)));
+    worst.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(channel, _)| channel.name.clone())
 }

@@ -3,7 +3,7 @@
 use maud::Markup;
 use whorl_explain::ComparedRun;
 use whorl_validation::Comparison;
-use whorl_validation::comparison::{Channel, ChannelErrors, Overlay, PREDICTION_RULE, ahead};
+use whorl_validation::comparison::{Channel, ChannelErrors, HorizonError, Overlay, PREDICTION_RULE, ahead};
 
 use super::{Facts, facts};
 use crate::document::{Document, judged, number, significant, text};
@@ -61,13 +61,21 @@ fn horizon_name(horizon_s: Option<f64>) -> String {
     horizon_s.map_or_else(|| "run".to_owned(), |h| format!("{} s", ahead(h)))
 }
 
+/// What tables call the columns of a horizon, numbers all: how large the errors are, which deviation the model predicts for them, errors over
+/// their predicted deviations, and the fit.
+#[must_use]
+pub fn horizon_columns(of: &HorizonError) -> [String; 4] {
+    let over = horizon_name(of.horizon_s);
+    [format!("#{over}: RMS"), "#deviation".to_owned(), "#ratio".to_owned(), "#fit %".to_owned()]
+}
+
 fn error_table(page: &mut Document, run: &ComparedRun) {
     let Some(first) = run.comparison.channels.first() else { return };
     page.paragraph("", &title(run));
     let mut headings =
         vec!["channel".to_owned(), "unit".to_owned(), "#noise".to_owned(), "#stated".to_owned()];
     for h in &first.horizons {
-        headings.extend(h.columns().map(|name| format!("#{name}")));
+        headings.extend(horizon_columns(h));
     }
     let headings: Vec<&str> = headings.iter().map(String::as_str).collect();
     let rows: Vec<Vec<Markup>> = run.comparison.channels.iter().map(error_row).collect();
@@ -111,8 +119,8 @@ fn run_section(page: &mut Document, run: &ComparedRun) {
     page.list(&comparison.remarks);
     page.figure(&staircase(comparison), None);
     let span = Some((0.0, comparison.duration_s));
-    for overlay in &comparison.overlays {
-        for figure in overlay_figures(overlay) {
+    for channel in &comparison.channels {
+        for figure in overlay_figures(channel) {
             page.figure(&figure, span);
         }
     }
@@ -138,18 +146,19 @@ pub(super) fn staircase(comparison: &Comparison) -> Figure {
     }
 }
 
-pub(super) fn overlay_figures(overlay: &Overlay) -> Vec<Figure> {
-    let (unit, factor) = overlay.quantity.shown_unit();
+pub(super) fn overlay_figures(channel: &ChannelErrors) -> Vec<Figure> {
+    let Some(overlay) = &channel.overlay else { return Vec::new() };
+    let (unit, factor) = channel.quantity.shown_unit();
     let scaled =
         |curve: &GrowingCurve| -> Vec<(f64, f64)> { curve.points().map(|(t, v)| (t, v * factor)).collect() };
     let stddev = scaled(&overlay.stddev);
     let edge = |sign: f64| Curve::new("predicted", stddev.iter().map(|(t, s)| (*t, sign * BAND * s)));
     let band = (edge(-1.0), edge(1.0));
-    let name = overlay.name.replace('_', " ");
+    let name = channel.name.replace('_', " ");
     let horizon = horizon_name(Some(overlay.horizon_s));
     let mut figures = Vec::new();
-    if overlay.quantity != Channel::Accelerometer {
-        figures.push(measured_and_predicted(overlay, ""));
+    if channel.quantity != Channel::Accelerometer {
+        figures.push(measured_and_predicted(channel, overlay, ""));
     }
     figures.push(Figure {
         title: format!("{name}: error of predictions over {horizon}"),
@@ -164,17 +173,17 @@ pub(super) fn overlay_figures(overlay: &Overlay) -> Vec<Figure> {
 }
 
 /// A channel as it was measured and as it was predicted, with the band of the predictions; `of_what` ends the title.
-pub(super) fn measured_and_predicted(overlay: &Overlay, of_what: &str) -> Figure {
-    let (unit, factor) = overlay.quantity.shown_unit();
+pub(super) fn measured_and_predicted(channel: &ChannelErrors, overlay: &Overlay, of_what: &str) -> Figure {
+    let (unit, factor) = channel.quantity.shown_unit();
     let curve = |name: &str, points: &mut dyn Iterator<Item = (f64, f64)>| {
-        Curve::new(format!("{} {name}", overlay.name.replace('_', " ")), points.collect::<Vec<_>>())
+        Curve::new(format!("{} {name}", channel.name.replace('_', " ")), points.collect::<Vec<_>>())
     };
     let scaled = |(t, value): (f64, f64)| (t, value * factor);
     let edge = |sign: f64| {
         let points = overlay.predicted.points().zip(overlay.stddev.points());
         curve("predicted", &mut points.map(|((t, y), (_, s))| scaled((t, y + sign * BAND * s))))
     };
-    let name = overlay.name.replace('_', " ");
+    let name = channel.name.replace('_', " ");
     // A band has the colour of the curve of the same position; what was measured has none.
     let no_band = || Curve::new("", Vec::<(f64, f64)>::new());
     let predicted = curve("predicted", &mut overlay.predicted.points().map(scaled));

@@ -29,9 +29,10 @@ pub fn diagnosis_html(found: &Explanation, about: &Facts) -> String {
             ),
         );
     }
-    if !found.torques.is_empty() {
+    let figures = unexplained(&found.torques);
+    if !figures.is_empty() {
         page.heading("Unexplained torque");
-        unexplained(&found.torques).iter().for_each(|figure| page.figure(figure, None));
+        figures.iter().for_each(|figure| page.figure(figure, None));
     }
     versions(&mut page, &found.versions);
     slow_residual(&mut page, diagnosis);
@@ -78,7 +79,7 @@ pub(super) fn unexplained(torques: &[UnexplainedTorques]) -> Vec<Figure> {
             ["before", "with the effects named"].into_iter().zip(torques).collect();
         Figure {
             title: format!("{}: unexplained torque about body {}", before.run, ["x", "y", "z"][i]),
-            caption: "The platform's own parameters are refitted in both cases, unless without the effects they would have to move implausibly far. Bands: two standard deviations. A curve that stays within the band about zero is explained, and one that is zero throughout makes the run no likelier.".to_owned(),
+            caption: "The platform's own parameters are refitted in both cases. Bands: two standard deviations. A curve that stays within the band about zero is explained, and one that is zero throughout makes the run no likelier.".to_owned(),
             y_label: "torque [mN m]".to_owned(),
             curves: both.iter().map(|(name, r)| curve(name, r, 0.0)).collect(),
             bands: both.iter().map(|(name, r)| (curve(name, r, -1.0), curve(name, r, 1.0))).collect(),

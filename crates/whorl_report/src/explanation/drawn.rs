@@ -64,7 +64,7 @@ pub fn comparison_figures(runs: &[ComparedRun]) -> Vec<Drawn> {
     let of = |run: &ComparedRun| {
         let comparison = &run.comparison;
         let span = Some((0.0, comparison.duration_s));
-        let over_time = comparison.overlays.iter().flat_map(overlay_figures);
+        let over_time = comparison.channels.iter().flat_map(overlay_figures);
         let over_time = over_time.map(|figure| Drawn::new(&comparison.run, figure, span));
         over_time.chain([Drawn::new(&comparison.run, staircase(comparison), None)]).collect::<Vec<_>>()
     };

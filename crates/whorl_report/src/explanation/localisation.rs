@@ -4,7 +4,7 @@ use whorl_explain::Located;
 use whorl_validation::{Dependence, Dependences, Frame, Localisation, UnexplainedTorques};
 
 use super::{Facts, facts};
-use crate::document::{Document, code, number, text};
+use crate::document::{Document, code, right, text};
 use crate::figure::Figure;
 use crate::series::Curve;
 
@@ -90,29 +90,35 @@ pub(super) fn shapes(run: &Localisation) -> Vec<Figure> {
     of_body.chain(of_motors).collect()
 }
 
-fn table(page: &mut Document, found: &Dependences) {
-    let constant = |share: f64, frame: Frame| {
-        vec![code("constant"), text(frame.name()), number(share * 100.0, 0), text(""), text(""), text("")]
-    };
+/// What tables call the columns of [`shares`].
+pub const SHARES: [&str; 6] = ["quantity", "frame", "#share [%]", "axis", "symmetry", "growth"];
+
+/// The share of the excess that a constant torque explains, and each quantity, as cells.
+#[must_use]
+pub fn shares(found: &Dependences) -> Vec<[String; 6]> {
+    let percent = |share: f64| format!("{:.0}", share * 100.0);
+    let constant =
+        |share: f64, frame: Frame| ["constant", frame.name(), &percent(share), "", "", ""].map(str::to_owned);
     let mut rows = vec![constant(found.constant_body_share, found.frame)];
     if found.frame == Frame::Body {
         rows.push(constant(found.constant_world_share, Frame::World));
     }
     rows.extend(found.ranked.iter().map(|d| {
-        vec![
-            code(&d.variable),
-            text(d.frame.name()),
-            number(d.share * 100.0, 0),
-            text(d.frame.axes().get(d.axis).unwrap_or(&"")),
-            text(&lower(&d.parity)),
-            text(&lower(&d.growth)),
-        ]
+        let axis = d.frame.axes().get(d.axis).unwrap_or(&"");
+        let (parity, growth) = (format!("{:?}", d.parity), format!("{:?}", d.growth));
+        let cells = [d.frame.name(), &percent(d.share), axis, &parity, &growth].map(str::to_lowercase);
+        let [frame, share, axis, parity, growth] = cells;
+        [d.variable.clone(), frame, share, axis, parity, growth]
     }));
-    page.table(&["quantity", "frame", "#share [%]", "axis", "symmetry", "growth"], &rows);
+    rows
 }
 
-fn lower(value: &impl std::fmt::Debug) -> String {
-    format!("{value:?}").to_lowercase()
+fn table(page: &mut Document, found: &Dependences) {
+    let row = |[quantity, frame, share, axis, parity, growth]: [String; 6]| {
+        vec![code(&quantity), text(&frame), right(&share), text(&axis), text(&parity), text(&growth)]
+    };
+    let rows: Vec<_> = shares(found).into_iter().map(row).collect();
+    page.table(&SHARES, &rows);
 }
 
 fn display(unit: &str) -> (&str, f64) {

@@ -13,11 +13,11 @@ mod trends;
 mod versions;
 
 pub use adoption::adoption_html;
-pub use comparison::comparison_html;
+pub use comparison::{comparison_html, horizon_columns};
 pub use diagnosis::diagnosis_html;
 pub use discovery::discovery_html;
 pub use drawn::{Drawn, adoption_figures, comparison_figures, diagnosis_figures, localisation_figures};
-pub use localisation::localisation_html;
+pub use localisation::{SHARES, localisation_html, shares};
 pub use path::{PathPart, path_html};
 pub use proposal::{NextPage, PlannedMotion, next_html};
 pub use trends::trends_html;

@@ -1,8 +1,8 @@
 //! Errors of each channel at each horizon.
 
 use serde::Serialize;
+use whorl_math::GrowingCurve;
 use whorl_math::statistics::chi_squared_quantile;
-use whorl_math::{GrowingCurve, three_digits};
 use whorl_prediction::{AheadError, Noise, Prepared};
 use whorl_recording::{Channel, Component, Form};
 
@@ -16,26 +16,14 @@ pub struct HorizonError {
     pub horizon_s: Option<f64>,
     /// Root mean square of measured less predicted.
     pub rms: f64,
-    /// Root mean square of the standard deviations that the model predicts for these errors, from noise and from what is
-    /// uncertain of the start.
+    /// The same of the deviations that the model predicts for these errors, from noise and what is uncertain of the start.
     pub predicted_stddev: f64,
     /// The same of errors over the deviations that the model predicts for them; 1 = as good as the model says.
     pub ratio: f64,
     /// 99 % band of the ratio for the true model.
     pub band_99: (f64, f64),
-    /// 100 (1 - |y - predicted| / |y - mean y|) [%]; `None` for a channel that does not move beyond its noise, and for
-    /// directions.
+    /// 100 (1 - |y - predicted| / |y - mean y|) [%]; `None` for what does not move beyond its noise, and for directions.
     pub fit_percent: Option<f64>,
-}
-
-impl HorizonError {
-    /// What tables call its columns: how large the errors are, which deviation the model predicts for them, errors over their
-    /// predicted deviations, and [`Self::fit_percent`].
-    #[must_use]
-    pub fn columns(&self) -> [String; 4] {
-        let over = self.horizon_s.map_or_else(|| "run".to_owned(), |s| format!("{} s", ahead(s)));
-        [format!("{over}: RMS"), "deviation".to_owned(), "ratio".to_owned(), "fit %".to_owned()]
-    }
 }
 
 /// Errors of one channel: of one axis or one wheel; for a direction, of both axes across it together.
@@ -53,15 +41,14 @@ pub struct ChannelErrors {
     pub stated_noise: f64,
     /// By horizon, shortest first, the whole run last.
     pub horizons: Vec<HorizonError>,
+    /// Curves for plots, of a direction none; not part of the JSON.
+    #[serde(skip)]
+    pub overlay: Option<Overlay>,
 }
 
 /// A channel's measured and predicted values, for a plot: curves that stay short however long the run is.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Overlay {
-    /// Channel.
-    pub name: String,
-    /// What it measures.
-    pub quantity: Channel,
     /// Length of each prediction \[s\].
     pub horizon_s: f64,
     /// Measured.
@@ -74,17 +61,9 @@ pub struct Overlay {
     pub stddev: GrowingCurve,
 }
 
-/// A channel while its errors come in.
-struct Column {
-    channel: ChannelErrors,
-    /// One, or those across a direction.
-    components: Vec<Component>,
-    /// By horizon.
-    sums: Vec<Sums>,
-    overlay: Option<Overlay>,
-}
+/// A channel while its errors come in: with its components, one or those across a direction, and its sums by horizon.
+type Column = (ChannelErrors, Vec<Component>, Vec<Sums>);
 
-/// Sums over the numbers of a channel.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
     errors_squared: f64,
@@ -133,7 +112,7 @@ pub(super) struct Errors<'a> {
 
 impl<'a> Errors<'a> {
     /// Over these horizons \[s\] and the whole run, whose position is behind theirs; with the noise that the run shows and that which is stated.
-    pub fn new(case: &Prepared<'_>, horizons_s: &'a [f64], [noise, stated]: [&Noise; 2]) -> Self {
+    pub fn new(case: &Prepared<'_>, horizons_s: &'a [f64], noises: [&Noise; 2]) -> Self {
         let wheels: Vec<&str> = case.model().wheels().iter().map(|wheel| wheel.name.as_str()).collect();
         let horizon_s = horizons_s.last().copied().unwrap_or(0.0);
         let is_direction = |of: &Component| of.channel.info().form == Form::Directions;
@@ -142,27 +121,19 @@ impl<'a> Errors<'a> {
             is_direction(a) && (a.channel, a.sensor()) == (b.channel, b.sensor())
         };
         let column = |components: &[Component]| {
-            let first = components[0];
-            let quantity = first.channel;
+            let (first, quantity) = (components[0], components[0].channel);
             let name = match (is_direction(&first), case.recording().vectors.len() > 1) {
                 (true, true) => format!("{}_{}", quantity.info().key, first.sensor() + 1),
                 (true, false) => quantity.info().key.to_owned(),
                 _ => first.name(&wheels),
             };
-            let [measured, predicted, error, stddev] = std::array::from_fn(|_| GrowingCurve::default());
-            let overlay = (!is_direction(&first)).then(|| {
-                let name = name.clone();
-                Overlay { name, quantity, horizon_s, measured, predicted, error, stddev }
-            });
+            let overlay = (!is_direction(&first)).then(|| Overlay { horizon_s, ..Overlay::default() });
             let of = |noise: &Noise| noise.of(first) * (components.len() as f64).sqrt();
-            let (unit, horizons) = (quantity.unit(), Vec::new());
-            let (noise_floor, stated_noise) = (of(noise), of(stated));
-            Column {
-                channel: ChannelErrors { name, quantity, unit, noise_floor, stated_noise, horizons },
-                components: components.to_vec(),
-                sums: vec![Sums::default(); horizons_s.len() + 1],
-                overlay,
-            }
+            let ([noise_floor, stated_noise], unit) = (noises.map(of), quantity.unit());
+            let (horizons, sums) = (Vec::new(), vec![Sums::default(); horizons_s.len() + 1]);
+            let channel =
+                ChannelErrors { name, quantity, unit, noise_floor, stated_noise, horizons, overlay };
+            (channel, components.to_vec(), sums)
         };
         let components: Vec<Component> = case.components().collect();
         let together = PredictionError { horizon_s, squares: 0.0, numbers: 0 };
@@ -172,17 +143,18 @@ impl<'a> Errors<'a> {
     /// Adds an error of a horizon, by its position.
     pub fn add(&mut self, horizon: usize, error: &AheadError) {
         let mut columns = self.columns.iter_mut();
-        let Some(column) = columns.find(|of| of.components.contains(&error.error.component)) else { return };
+        let column = columns.find(|of| of.1.contains(&error.error.component));
+        let Some((channel, _, sums)) = column else { return };
         let is_run = horizon == self.horizons_s.len();
         if is_run || error.is_at_horizon {
-            column.sums[horizon].add(error);
+            sums[horizon].add(error);
         }
         if horizon + 1 != self.horizons_s.len() {
             return;
         }
         self.together.squares += error.error.normalised().powi(2);
         self.together.numbers += 1;
-        if let Some(overlay) = &mut column.overlay {
+        if let Some(overlay) = &mut channel.overlay {
             let (t, e) = (error.error.time_s, error.error.value);
             overlay.measured.push(t, error.reading);
             overlay.predicted.push(t, error.reading - e);
@@ -191,28 +163,14 @@ impl<'a> Errors<'a> {
         }
     }
 
-    /// The errors, the curves, and all errors together.
-    pub fn finish(self) -> (Vec<ChannelErrors>, Vec<Overlay>, Option<PredictionError>) {
+    pub fn finish(self) -> (Vec<ChannelErrors>, Option<PredictionError>) {
         let horizons = || self.horizons_s.iter().copied().map(Some).chain([None]);
-        let finished = |column: Column| {
-            let mut channel = column.channel;
-            let (components, noise) = (column.components.len() as f64, channel.noise_floor);
-            channel.horizons =
-                horizons().zip(&column.sums).map(|(h, sums)| sums.error(h, components, noise)).collect();
-            (channel, column.overlay)
+        let finished = |(mut channel, components, sums): Column| {
+            let (components, noise) = (components.len() as f64, channel.noise_floor);
+            channel.horizons = horizons().zip(&sums).map(|(h, of)| of.error(h, components, noise)).collect();
+            channel
         };
-        let (channels, overlays): (Vec<_>, Vec<_>) = self.columns.into_iter().map(finished).unzip();
-        let overlays = overlays.into_iter().flatten().collect();
-        (channels, overlays, Some(self.together).filter(|together| together.numbers > 0))
-    }
-}
-
-/// A horizon in seconds: 10 and not 10.0, 2.5 of a run of 9.995 s.
-#[must_use]
-pub fn ahead(horizon_s: f64) -> String {
-    let text = three_digits(horizon_s);
-    match text.split_once('.') {
-        Some(_) if !text.contains('e') => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
-        _ => text,
+        let together = Some(self.together).filter(|together| together.numbers > 0);
+        (self.columns.into_iter().map(finished).collect(), together)
     }
 }

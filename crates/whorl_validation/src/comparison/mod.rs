@@ -2,31 +2,25 @@
 
 mod channels;
 mod verdict;
-mod whiteness;
 mod words;
 
-pub use channels::{ChannelErrors, HorizonError, Overlay, ahead};
-pub use verdict::{Absolute, PredictionError, Unexplained};
-pub use whiteness::Whiteness;
+pub use channels::{ChannelErrors, HorizonError, Overlay};
+pub use verdict::{Absolute, PredictionError, Unexplained, Whiteness, prediction_error};
 pub use whorl_recording::Channel;
-pub use words::SMALL_ERROR;
+pub use words::{SMALL_ERROR, ahead};
 
 use serde::Serialize;
 use whorl_dynamics::PlatformModel;
 use whorl_prediction::{Followed, Told, predict, simulate};
 use whorl_recording::Recording;
 
-use channels::Errors;
-use whiteness::Innovations;
-
-use crate::error::ValidationError;
 use crate::remarks::remarks;
 use crate::unexplained::followed;
+use channels::Errors;
+use verdict::Innovations;
 
 /// Prediction horizons \[s\], in addition to the whole run; the last is a quarter of runs that are shorter than four of it.
-pub const HORIZONS_S: [f64; 3] = [0.1, 1.0, 10.0];
-/// Stretches of the longest horizon that a run holds at least.
-const FEWEST_STRETCHES: f64 = 4.0;
+const HORIZONS_S: [f64; 3] = [0.1, 1.0, 10.0];
 
 /// How predictions come about, to be printed with the numbers.
 pub const PREDICTION_RULE: &str = "each prediction starts from what a filter with this model knows at its first instant, from the \
@@ -55,36 +49,24 @@ pub struct Comparison {
     pub whiteness: Vec<Whiteness>,
     /// Consequences of missing channels, and other remarks, one sentence each.
     pub remarks: Vec<String>,
-    /// Curves for plots; not part of the JSON.
-    #[serde(skip)]
-    pub overlays: Vec<Overlay>,
     /// The run as the filter with this model follows it; not part of the JSON.
     #[serde(skip)]
     pub followed: Followed,
 }
 
-/// Compares a recording with a model.
+/// Compares a recording with a model; `known` is the run as a fit that ended with this model has followed it, if one has.
 ///
 /// # Errors
-/// If no comparison is possible, with advice: see [`ValidationError`].
-pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Comparison, ValidationError> {
-    compare_as(recording, model, None)
-}
-
-/// The same with the run as a fit that ended with this model has followed it, if one has.
-///
-/// # Errors
-/// As [`compare`].
-pub fn compare_as(
+/// If no comparison is possible, with advice.
+pub fn compare(
     recording: &Recording,
     model: &PlatformModel,
     known: Option<&Followed>,
-) -> Result<Comparison, ValidationError> {
+) -> Result<Comparison, whorl_prediction::PredictionError> {
     let (case, stated, followed) = followed(recording, model, known)?;
     let duration_s = recording.duration_s();
-    let longest_s = HORIZONS_S[2].min(duration_s / FEWEST_STRETCHES);
+    let longest_s = HORIZONS_S[2].min(duration_s / 4.0);
     let horizons_s: Vec<f64> = HORIZONS_S.into_iter().filter(|h| *h < longest_s).chain([longest_s]).collect();
-
     let mut errors = Errors::new(&case, &horizons_s, [&followed.noise, &stated]);
     let mut innovations = Innovations::default();
     let is_disturbed = followed.noise.disturbance.is_some();
@@ -96,13 +78,12 @@ pub fn compare_as(
     let (quiet, alone) = (followed.undisturbed_noise(), &followed.undisturbed);
     simulate(&case, &quiet, alone, &mut |error| errors.add(horizons_s.len(), error));
     if is_disturbed {
-        predict(&case, &quiet, &alone.start, &[], &mut |told| {
-            if let Told::Innovation(innovation) = told {
-                innovations.add(innovation);
-            }
+        predict(&case, &quiet, &alone.start, &[], &mut |told| match told {
+            Told::Innovation(innovation) => innovations.add(innovation),
+            Told::Ahead(..) => {}
         });
     }
-    let (channels, overlays, prediction) = errors.finish();
+    let (channels, prediction) = errors.finish();
     Ok(Comparison {
         run: recording.name.clone(),
         platform: recording.platform.clone(),
@@ -111,19 +92,8 @@ pub fn compare_as(
         channels,
         prediction,
         absolute: Absolute::of(&followed.undisturbed_likelihood, followed.undisturbed.determined),
-        unexplained: Unexplained::of(&case, &followed),
+        unexplained: Unexplained::of(model, &followed.noise.disturbance),
         whiteness: innovations.tests(&case),
-        overlays,
         followed,
     })
-}
-
-/// Prediction error of a model over these runs; `None` if none is long enough. 1 = as good as the model says: noise alone. It is the root
-/// of the mean square of all errors of all runs, each over the deviation that the model predicts for it.
-#[must_use]
-pub fn prediction_error<'a>(runs: impl IntoIterator<Item = &'a Comparison>) -> Option<f64> {
-    let all = runs.into_iter().filter_map(|run| run.prediction);
-    let (squares, numbers) =
-        all.fold((0.0, 0), |(squares, numbers), of| (squares + of.squares, numbers + of.numbers));
-    (numbers > 0).then(|| (squares / numbers as f64).sqrt())
 }

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use super::compare;
 use super::generator::{Manoeuvre, platform, record};
-use crate::{Comparison, ValidationError, compare};
-use whorl_prediction::{Refusal, Why};
+use crate::Comparison;
+use whorl_prediction::{PredictionError, Refusal, Why};
 
 #[test]
 fn the_right_model_leaves_noise() {
@@ -197,7 +198,7 @@ fn unusable_recordings_get_a_sentence() {
     no_gyro.gyro_b_rad_s = Default::default();
     assert!(matches!(
         compare(&no_gyro, &model),
-        Err(ValidationError::Refused(Refusal { why: Why::Missing("gyro", _), .. }))
+        Err(PredictionError::Refused(Refusal { why: Why::Missing("gyro", _), .. }))
     ));
     let mut degrees = good.clone();
     for rate in &mut degrees.gyro_b_rad_s.value {
@@ -214,12 +215,12 @@ fn unusable_recordings_get_a_sentence() {
     other.wheels_mut().pop();
     assert!(matches!(
         compare(&good, &other),
-        Err(ValidationError::Refused(Refusal { why: Why::Count("wheels", 3, 2), .. }))
+        Err(PredictionError::Refused(Refusal { why: Why::Count("wheels", 3, 2), .. }))
     ));
     let short = record(&model, &Manoeuvre { duration_s: 0.3, ..Manoeuvre::default() });
     assert!(matches!(
         compare(&short, &model),
-        Err(ValidationError::Refused(Refusal { why: Why::TooFew(..), .. }))
+        Err(PredictionError::Refused(Refusal { why: Why::TooFew(..), .. }))
     ));
     let mut no_x = good.clone();
     no_x.no_gyro_axis[0] = true;

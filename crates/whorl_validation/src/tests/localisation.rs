@@ -14,7 +14,7 @@ use crate::{Growth, Parity};
 use crate::{Localisation, explain_where, unexplained_torques};
 
 fn located(recording: &whorl_recording::Recording, model: &PlatformModel) -> Localisation {
-    explain_where(&[(recording, &unexplained_torques(recording, model, None).unwrap())], model).unwrap()
+    explain_where(&[(recording, &unexplained_torques(recording, model, None).unwrap())], model)
 }
 
 fn with_effect(model: &PlatformModel, id: &str, parameters: &[(&str, f64)]) -> PlatformModel {

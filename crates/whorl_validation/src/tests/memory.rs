@@ -1,7 +1,7 @@
 //! What the comparison of a run of some length costs in memory.
 
+use super::compare;
 use super::generator::{Manoeuvre, platform, record};
-use crate::compare;
 
 /// Bytes for each further sample at 100 Hz, beside the recording itself: an innovation of each of twelve components, and inputs that
 /// they may follow. Predictions and covariances of a whole run would be thousands.

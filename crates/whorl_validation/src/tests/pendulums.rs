@@ -11,8 +11,9 @@ use whorl_dynamics::{Freedom, MassProperties, PlatformModel};
 use whorl_prediction::{Parameter, Rival, Settings, fit};
 use whorl_recording::{Mounting, Recording, VectorChannel};
 
+use super::compare;
 use crate::{Frame, Growth, Parity};
-use crate::{compare, explain_where, unexplained_torques};
+use crate::{explain_where, unexplained_torques};
 
 const GYRO_RAD_S: f64 = 0.02;
 const FORCE_M_S2: f64 = 0.05;
@@ -182,15 +183,13 @@ fn what_a_pendulum_leaves_unexplained_is_its_friction() {
     for (seed, pendulum) in (1..).zip(pendulums()) {
         let run = pendulum.swing(seed);
         let model = pendulum.model();
-        let right =
-            explain_where(&[(&run, &unexplained_torques(&run, &model, None).unwrap())], &model).unwrap();
+        let right = explain_where(&[(&run, &unexplained_torques(&run, &model, None).unwrap())], &model);
         assert!(!right.is_anything_left(), "{pendulum:?}: {:?}", right.answer());
         if pendulum.friction_n_m_s == 0.0 {
             continue;
         }
         let model = Pendulum { friction_n_m_s: 0.0, ..pendulum }.model();
-        let wrong =
-            explain_where(&[(&run, &unexplained_torques(&run, &model, None).unwrap())], &model).unwrap();
+        let wrong = explain_where(&[(&run, &unexplained_torques(&run, &model, None).unwrap())], &model);
         let Some(found) = &wrong.dependences else { panic!("{pendulum:?}: {:?}", wrong.answer()) };
         let rate = &found.ranked[0];
         let law = (rate.variable.as_str(), rate.axis, rate.parity, rate.growth);

@@ -7,7 +7,8 @@ use whorl_dynamics::platform::{TiltLimit, Wheel};
 use whorl_dynamics::{Freedom, InitialState, MassProperties, Plant, PlatformModel};
 use whorl_recording::{Mounting, Recording, VectorChannel};
 
-use crate::{Comparison, compare};
+use super::compare;
+use crate::Comparison;
 
 /// How large and how fast a rig is.
 struct Size {

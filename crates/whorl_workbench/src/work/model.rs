@@ -8,7 +8,7 @@ use whorl_bag::CsvMap;
 use whorl_commands::history;
 use whorl_commands::model_file::{undo_step, write_step};
 use whorl_dynamics::{Freedom, PlatformModel};
-use whorl_explain::changes::Change;
+use whorl_params::changes::Change;
 use whorl_params::{ModelStep, ParameterTree, Value};
 use whorl_recording::{KnownPlatform, platform_parts, read_model};
 

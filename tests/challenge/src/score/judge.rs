@@ -165,17 +165,16 @@ fn proposed<'b>(built: &'b Built, diagnosis: &Diagnosis, threads: usize) -> Resu
         built.follow_ups.iter().filter_map(|f| Some((f, built.rehearsed(f, &leading)?))).unzip();
     let options = Options { threads, ..Options::default() };
     let sets = diagnosis.contenders();
-    let found =
+    let (_, expected) =
         expected_information(&built.training, &rehearsals, &built.model, &built.prior, &sets, &options)
             .map_err(|e| e.to_string())?;
-    let worth =
-        |p: &ExpectedInformation| (p.told_apart.unwrap_or(0.0), p.log_odds.unwrap_or(0.0), p.shown.len());
+    let worth = |p: &ExpectedInformation| (p.log_odds.unwrap_or(0.0), p.shown.len());
     follow_ups
         .into_iter()
-        .zip(&found.with)
+        .zip(&expected)
         .max_by(|(_, a), (_, b)| {
             let (a, b) = (worth(a), worth(b));
-            a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2))
+            a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
         })
         .map(|(follow_up, _)| follow_up)
         .ok_or_else(|| "no manoeuvre to propose".to_owned())

@@ -28,7 +28,13 @@ impl Gyrostat {
                 torque += jet.torque_b_n_m() * *fraction;
             }
         }
-        torque * (self.thrust_factor(environment.pressure_ratio()) * self.effects().thrust_factor(environment))
+        torque * self.jet_factor(environment)
+    }
+
+    /// What the torque of every open jet is multiplied by now: the tank's pressure, and effects.
+    #[must_use]
+    pub fn jet_factor(&self, environment: &Environment<'_>) -> f64 {
+        self.thrust_factor(environment.pressure_ratio()) * self.effects().thrust_factor(environment)
     }
 
     /// Thrust over nominal thrust at this pressure over reference pressure.

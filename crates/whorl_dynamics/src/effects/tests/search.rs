@@ -124,10 +124,6 @@ fn names_that_effects_give_are_those_of_their_parameters() {
             Some(Signature::WheelTurn) => {
                 assert!(specs.iter().enumerate().all(|(j, spec)| spec.part == Part::Wheel(j)), "{id}");
             }
-            Some(Signature::GimbalDrag) => {
-                let parts = specs.iter().enumerate().all(|(i, spec)| spec.part == Part::Gyro(i / 2));
-                assert!(parts && specs.len() == 4, "{id}");
-            }
             Some(Signature::SensorLine { gyro, accelerometer, frequency, background }) => {
                 assert!(gyro.iter().chain(&accelerometer).all(|name| has(name)), "{id}");
                 assert!(has(frequency) && has(background), "{id}");

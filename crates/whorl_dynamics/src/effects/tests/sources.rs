@@ -13,12 +13,12 @@ fn sources(folder: &Path, found: &mut Vec<(PathBuf, String)>) {
         .filter(|path| path.extension().is_some_and(|e| e == "rs"))
         .map(|path| (path.clone(), std::fs::read_to_string(path).unwrap()))
         .collect();
-    // Modules that are only there for tests, by their declarations in this folder.
+    // Modules that are only there for tests, by their declarations in this folder, and those of a file's own folder.
     let of_tests: Vec<String> =
         texts.iter().flat_map(|(_, text)| modules_of_tests(text)).map(str::to_owned).collect();
     let is_test = |path: &Path| {
         let name = path.file_stem().unwrap_or_default();
-        of_tests.iter().any(|module| name == module.as_str())
+        name == "tests" || of_tests.iter().any(|module| name == module.as_str())
     };
     found.extend(texts.into_iter().filter(|(path, _)| !is_test(path)).map(|(p, t)| (p, without_tests(&t))));
     for path in paths.iter().filter(|path| path.is_dir() && !is_test(path)) {

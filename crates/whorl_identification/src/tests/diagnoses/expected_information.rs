@@ -16,14 +16,15 @@ fn expected_log_odds_come_true() {
     let sets = [vec!["bearing_viscous_friction".to_owned()], vec!["harness_spring".to_owned()]];
     let options = Options::default();
     let given = std::slice::from_ref(&first);
-    let found = expected_information(given, &[short, long.clone()], &model, &prior, &sets, &options).unwrap();
-    let [of_short, of_long] = found.with.as_slice() else { panic!("{found:?}") };
+    let (now, found) =
+        expected_information(given, &[short, long.clone()], &model, &prior, &sets, &options).unwrap();
+    let [of_short, of_long] = found.as_slice() else { panic!("{found:?}") };
     // More data of a kind tell more, and show no less.
     assert!(of_long.log_odds > of_short.log_odds, "{found:?}");
-    assert!(of_long.shown.len() >= of_short.shown.len() && of_short.shown.len() >= found.now.shown.len());
+    assert!(of_long.shown.len() >= of_short.shown.len() && of_short.shown.len() >= now.shown.len());
     // The truth: the log odds when the data have come.
-    let both = expected_information(&[first, long], &[], &model, &prior, &sets, &options).unwrap();
-    let (expected, came) = (of_long.log_odds.unwrap(), both.now.log_odds.unwrap());
+    let (both, _) = expected_information(&[first, long], &[], &model, &prior, &sets, &options).unwrap();
+    let (expected, came) = (of_long.log_odds.unwrap(), both.log_odds.unwrap());
     // Log odds of two explanations of Gaussian data whose mean is L have the variance 2 L.
     let scatter = (2.0 * expected).sqrt();
     assert!(expected > 5.0 && (came - expected).abs() < 3.0 * scatter, "expected {expected}, came {came}");

@@ -53,13 +53,3 @@ fn a_tilted_gimbal_is_named() {
     let (value, stddev) = estimate(&found, "cmg_a_a_rad");
     assert!((value - 0.15).abs() < 4.0 * stddev && stddev < 0.03, "{value} {stddev}");
 }
-
-#[test]
-#[ignore = "slow: the diagnosis of a gimbal's friction"]
-fn friction_of_a_gimbal_is_named_by_its_motor() {
-    let found = diagnosis_of(Some(("gimbal_friction", &[("cmg_b_coulomb_n_m", 0.05)])), 3);
-    assert_eq!(found.verdict, Verdict::Named);
-    let (value, stddev) = estimate(&found, "cmg_b_coulomb_n_m");
-    assert!((value - 0.05).abs() < 5.0 * stddev.max(5e-4) && stddev < 0.005, "{value} {stddev}");
-    assert!(!found.candidates.iter().flat_map(|c| &c.parameters).any(|p| p.name == "cmg_a_coulomb_n_m"));
-}

@@ -3,8 +3,9 @@
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::generator::record;
+use crate::Options;
+use crate::case::Case;
 use crate::fitting::low_pass;
-use crate::{Options, with_low_passes_that_delay};
 
 fn with_low_pass(gyro_s: f64, accelerometer_s: f64) -> PlatformModel {
     let mut model = PlatformModel::whorl_1_reference();
@@ -17,7 +18,7 @@ fn with_low_pass(gyro_s: f64, accelerometer_s: f64) -> PlatformModel {
 fn found_s(truth: &PlatformModel, stated: &PlatformModel) -> Option<[f64; 2]> {
     let run = [record(truth, 4, 20.0, None)];
     let prior = ModelPrior::typical(stated).with_mass_properties_scaled(0.1);
-    let model = with_low_passes_that_delay(&run, stated, &prior, &Options::default()).unwrap();
+    let model = Case::new(&run, &[], stated, &prior, &Options::default()).unwrap().reference.model;
     if model == *stated {
         return None;
     }

@@ -54,16 +54,16 @@ fn a_friction_is_named_with_its_size() {
 /// The jets fired, and the recording does not say so.
 #[test]
 #[ignore = "slow: the diagnosis of a run whose jets were not recorded"]
-fn nothing_is_stated_of_torques_that_unrecorded_jets_may_have_made() {
+fn nothing_is_named_where_unrecorded_jets_may_have_pushed() {
     let truth = PlatformModel::whorl_1_reference();
     let mut run = record(&truth, 5, 50.0, None);
     assert!(run.jet_pulses.iter().flatten().count() > 10);
     run.jet_pulses.clear();
     let (model, prior) = wrong_model(&truth, 5);
     let diagnosis = diagnose(&[run], &[], &model, &prior, &Options::default(), &mut |_| {}).unwrap();
-    assert_eq!(diagnosis.verdict, Verdict::NotEnoughInformation, "{:?}", diagnosis.effects);
-    assert!(diagnosis.effects.is_empty() && diagnosis.unknown.is_none());
-    assert!(diagnosis.remarks[0].contains("record the valves' pulses"), "{:?}", diagnosis.remarks);
+    assert!(diagnosis.effects.is_empty(), "{:?}", diagnosis.effects);
+    let says = |remark: &String| remark.contains("it is assumed that no jet fired");
+    assert!(diagnosis.remarks.iter().any(says), "{:?}", diagnosis.remarks);
 }
 
 /// So plainly that the residual of the regression has the wheel's periodicity, too.

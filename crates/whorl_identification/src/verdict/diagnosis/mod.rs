@@ -6,11 +6,9 @@ mod words;
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+use whorl_dynamics::PlatformModel;
 
 use crate::fitting::refit::Fit;
-
-/// Version of the JSON output of [`Diagnosis`].
-pub const SCHEMA: u32 = 3;
 
 /// The verdict of a diagnosis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -54,16 +52,15 @@ impl ParameterEstimate {
 }
 
 /// One effect as an explanation of the base model's residual.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Candidate {
     /// Id in the catalogue.
     pub effect: String,
     /// Log evidence gained by adding it to the chosen set; for a term of the set, lost by removing it.
     pub delta_log_evidence: f64,
-    /// Log likelihood gained on data that did not take part in its fit; > 0 = predicts better. `None` where there were none, or where
-    /// it was not fitted, as what it would gain was too little.
+    /// Log likelihood gained on held-out data; > 0 = predicts better. `None` without any, or where it gained too little to be fitted.
     pub held_out_gain: Option<f64>,
-    /// Of the drop of the misfit that the answer brings, and of what it leaves above the noise, the share that this effect alone brings.
+    /// Share of the misfit above the noise that this effect alone brings, of what the answer brings and leaves.
     pub share_of_excess: f64,
     /// Share of its signal that is absorbed by refitting the base parameters.
     pub swallowed_by_base: f64,
@@ -78,21 +75,14 @@ pub struct Candidate {
 
 impl Candidate {
     /// Of an effect that the samples show directly.
-    pub(crate) fn seen(
-        effect: &str,
-        drop: f64,
-        log_evidence: f64,
-        parameters: Vec<ParameterEstimate>,
-    ) -> Self {
+    pub(crate) fn seen(effect: &str, drop: f64, gain: f64, parameters: Vec<ParameterEstimate>) -> Self {
         Self {
             effect: effect.to_owned(),
-            delta_log_evidence: log_evidence,
-            held_out_gain: None,
+            delta_log_evidence: gain,
             share_of_excess: 1.0,
-            swallowed_by_base: 0.0,
             detectability: drop,
-            indistinguishable_from: Vec::new(),
             parameters,
+            ..Self::default()
         }
     }
 }
@@ -100,8 +90,7 @@ impl Candidate {
 /// The driving variable of a torque or a sensor error that no effect of the catalogue explains.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Unknown {
-    /// Recorded variable that it correlates with best: `time`, `yaw_rate`, `wheel_x_speed`, ...; `gyro_rate` for an error
-    /// of the gyro's readings.
+    /// Recorded variable that it correlates with best: `time`, `yaw_rate`, ...; `gyro_rate` for an error of the gyro's readings.
     pub variable: String,
     /// `body` or `world`: the frame in which the torque's axis is fixed.
     pub frame: String,
@@ -123,34 +112,16 @@ pub struct Unknown {
 
 impl Unknown {
     /// A torque in axes of the body that changes in time by no law that is known.
-    pub(crate) fn torque_in_time(size_n_m: f64) -> Self {
-        Self {
-            variable: "time".to_owned(),
-            frame: "body".to_owned(),
-            axis: "z".to_owned(),
-            parity: "none".to_owned(),
-            frequency_hz: None,
-            share: 1.0,
-            size: size_n_m,
-            unit: "N m".to_owned(),
-        }
+    pub(crate) fn torque_in_time(size: f64) -> Self {
+        let [variable, frame, axis, parity, unit] = ["time", "body", "z", "none", "N m"].map(str::to_owned);
+        Self { variable, frame, axis, parity, unit, frequency_hz: None, share: 1.0, size }
     }
 
     /// Of gyro and attitude sensors that contradict each other, whose innovations have this power over that of the noise.
     pub(crate) fn contradiction(power: f64) -> Self {
-        Self {
-            variable: "gyro_rate".to_owned(),
-            axis: "x".to_owned(),
-            parity: "odd".to_owned(),
-            share: (1.0 - 1.0 / power).clamp(0.0, 1.0),
-            unit: "rad/s".to_owned(),
-            ..Self::torque_in_time(0.0)
-        }
-    }
-
-    /// Whether it is such a contradiction, and no law, which has a size.
-    pub(crate) fn is_contradiction(&self) -> bool {
-        self.variable == "gyro_rate" && self.size == 0.0
+        let [variable, axis, parity, unit] = ["gyro_rate", "x", "odd", "rad/s"].map(str::to_owned);
+        let share = (1.0 - 1.0 / power).clamp(0.0, 1.0);
+        Self { variable, axis, parity, unit, share, ..Self::torque_in_time(0.0) }
     }
 }
 
@@ -180,8 +151,7 @@ pub struct ParameterOfSet {
     pub stddev: Option<f64>,
 }
 
-/// A set of explanations that was fitted, with what it was found to be worth. Logarithms are natural; each is up to a constant that all
-/// sets of a diagnosis share.
+/// A set of explanations that was fitted, with its worth. Logarithms are natural, up to a constant that all sets of a diagnosis share.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FittedSet {
     /// Effects of the catalogue that it holds; empty for none.
@@ -236,10 +206,8 @@ pub struct NoiseScale {
     pub scale: f64,
 }
 
-/// RMS of the whitened residual summed over stretches of 1 and 8 s, relative to noise alone.
-///
-/// If a slow torque is missing, it grows with the length of the stretch. It is far more sensitive than the error of
-/// single samples. It is not a prediction error.
+/// RMS of the whitened residual summed over stretches of 1 and 8 s, relative to noise alone: no prediction error. If a slow torque is missing, it
+/// grows with the length of the stretch.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct SlowResidual {
     /// Base refitted, no effect added.
@@ -264,17 +232,18 @@ pub struct NextManoeuvre {
 /// The result of a diagnosis.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Diagnosis {
-    /// [`SCHEMA`].
+    /// Version of the JSON output.
     pub schema: u32,
     /// The verdict.
     pub verdict: Verdict,
-    /// Best supported set, ids of the catalogue; empty if none. Where something unknown is beside it, those effects of which that does not
-    /// make any difference.
+    /// Best supported set, ids of the catalogue; empty if none. Beside something unknown those effects that are there in any case.
     pub effects: Vec<String>,
-    /// The platform's own parameters refitted to the samples alone and with that set, by the sets; none of what was not compared on
-    /// the samples.
+    /// The platform's own parameters refitted to the samples alone and with the most probable set, by the sets.
     #[serde(skip)]
     pub fits: BTreeMap<Vec<String>, Fit>,
+    /// The model with those low-passes that delay, for [`crate::Options::delaying`].
+    #[serde(skip)]
+    pub delaying: Option<PlatformModel>,
     /// Other sets that the data cannot reject, most probable first.
     pub confounded_with: Vec<Vec<String>>,
     /// All sets with a probability worth mentioning, most probable first.
@@ -299,11 +268,10 @@ pub struct Diagnosis {
     pub noise: Vec<NoiseScale>,
     /// What to do next.
     pub next: Option<NextManoeuvre>,
-    /// Consequences of missing channels, noise levels that differ from the model's, and other remarks,
-    /// one sentence each.
+    /// Consequences of missing channels, unusual noise and other remarks, one sentence each.
     #[serde(default)]
     pub remarks: Vec<String>,
-    /// Every set that was fitted, most probable first; no part of the JSON of a diagnosis.
+    /// Every set that was fitted, most probable first.
     #[serde(skip)]
     pub fitted: Vec<FittedSet>,
 }
@@ -312,43 +280,23 @@ pub struct Diagnosis {
 const RIVALS: usize = 3;
 
 impl Diagnosis {
-    /// The same without a verdict, for this reason.
-    pub(crate) fn withheld(mut self, reason: String) -> Self {
-        self.remarks.insert(0, reason);
-        let manoeuvre = "the same again, with the missing channel recorded".to_owned();
-        Self {
-            verdict: Verdict::NotEnoughInformation,
-            effects: Vec::new(),
-            confounded_with: Vec::new(),
-            explanations: Vec::new(),
-            kind: None,
-            unknown: None,
-            next: Some(NextManoeuvre { manoeuvre, expected_log_odds: 0.0 }),
-            ..self
-        }
-    }
-
     /// Nothing can be said.
-    #[must_use]
     pub fn not_enough_information() -> Self {
-        Self { schema: SCHEMA, ..Self::default() }
+        Self { schema: 3, ..Self::default() }
     }
 
     /// The sets of effects that a further run should tell apart: those that are left, or where nothing is in doubt the
     /// named one and its nearest rivals, another effect in place of the one that is missed least.
-    #[must_use]
     pub fn contenders(&self) -> Vec<Vec<String>> {
-        let mut sets = vec![self.effects.clone()];
-        sets.extend(self.confounded_with.iter().cloned());
+        let mut sets = [std::slice::from_ref(&self.effects), &self.confounded_with].concat();
         if sets.len() == 1 {
             let (own, others): (Vec<&Candidate>, Vec<&Candidate>) =
                 self.candidates.iter().partition(|row| self.effects.contains(&row.effect));
             let weakest = own.iter().min_by(|a, b| a.delta_log_evidence.total_cmp(&b.delta_log_evidence));
-            let is_kept = |id: &&String| weakest.is_none_or(|row| row.effect != **id);
-            let kept: Vec<String> = self.effects.iter().filter(is_kept).cloned().collect();
-            sets.extend(
-                others.iter().take(RIVALS).map(|row| [&kept[..], std::slice::from_ref(&row.effect)].concat()),
-            );
+            let mut kept = self.effects.clone();
+            kept.retain(|id| weakest.is_none_or(|row| row.effect != *id));
+            let with = |row: &&Candidate| [&kept[..], std::slice::from_ref(&row.effect)].concat();
+            sets.extend(others.iter().take(RIVALS).map(with));
         }
         sets.dedup();
         sets

@@ -3,7 +3,7 @@
 use whorl_dynamics::effects::find;
 use whorl_math::three_digits;
 
-use crate::verdict::diagnosis::{Candidate, ParameterEstimate};
+use crate::verdict::diagnosis::ParameterEstimate;
 use crate::{Diagnosis, Explanation, Unknown, Verdict};
 
 /// So many sets that explain the data as well are read out; all of them are in `confounded_with`.
@@ -27,16 +27,6 @@ fn behind(unit: &str) -> String {
     if unit == "1" { String::new() } else { format!(" {unit}") }
 }
 
-fn sizes(candidate: &Candidate) -> String {
-    let shown = candidate.parameters.iter().take(MOST_SIZES);
-    let size = |p: &ParameterEstimate| {
-        format!("{} = {:.3e} +- {:.1e}{}", p.name, p.estimate, p.stddev, behind(&p.unit))
-    };
-    let more = (candidate.parameters.len() > MOST_SIZES).then(|| "...".to_owned());
-    shown.map(size).chain(more).collect::<Vec<_>>().join(", ")
-}
-
-/// A probability in words.
 fn percent(probability: f64) -> String {
     match 100.0 * probability {
         p if p >= 99.5 => "over 99 %".to_owned(),
@@ -47,17 +37,13 @@ fn percent(probability: f64) -> String {
 
 impl Explanation {
     fn title(&self) -> String {
-        match (self.effects.is_empty(), self.with_unknown) {
-            (true, false) => "nothing is missing".to_owned(),
-            (true, true) => "something unmodelled".to_owned(),
-            (false, false) => list(&self.effects),
-            (false, true) => format!("{} and something unmodelled", list(&self.effects)),
-        }
+        let unmodelled = self.with_unknown.then(|| "something unmodelled".to_owned());
+        let parts: Vec<String> = self.effects.iter().map(|id| title(id)).chain(unmodelled).collect();
+        if parts.is_empty() { "nothing is missing".to_owned() } else { parts.join(" and ") }
     }
 }
 
 impl Unknown {
-    /// On what it depends, and how large it is.
     fn sentences(&self) -> Vec<String> {
         // Of what only the error of predictions shows, nothing else is known.
         if self.share == 0.0 && self.size == 0.0 {
@@ -70,12 +56,14 @@ impl Unknown {
         let percent = (100.0 * self.share).round();
         let explains =
             if percent >= 1.0 { format!("; this explains {percent} % of the excess") } else { String::new() };
-        let (variable, axis, frame) = (&self.variable, &self.axis, &self.frame);
-        let first = format!(
-            "The residual correlates best with {variable}{parity}{line}, about {axis} of the {frame} frame{explains}."
-        );
-        let size = || format!("Its size is {:.1e}{} (root mean square).", self.size, behind(&self.unit));
-        std::iter::once(first).chain((self.size > 0.0).then(size)).collect()
+        let mut text = vec![format!(
+            "The residual correlates best with {}{parity}{line}, about {} of the {} frame{explains}.",
+            self.variable, self.axis, self.frame
+        )];
+        if self.size > 0.0 {
+            text.push(format!("Its size is {:.1e}{} (root mean square).", self.size, behind(&self.unit)));
+        }
+        text
     }
 }
 
@@ -89,28 +77,31 @@ impl Diagnosis {
     }
 
     /// The verdict in a few sentences, most important first.
-    #[must_use]
     pub fn answer(&self) -> Vec<String> {
         let mut text = self.verdict_sentences();
-        if let Some(unknown) = &self.unknown {
-            if !self.effects.is_empty() {
-                text.push(
-                    "Something else is missing beside that, which no effect of the catalogue explains."
-                        .to_owned(),
-                );
-            }
-            text.extend(unknown.sentences());
+        if self.unknown.is_some() && !self.effects.is_empty() {
+            text.push(
+                "Something else is missing beside that, which no effect of the catalogue explains."
+                    .to_owned(),
+            );
         }
-        let rows = self.effects.iter().filter_map(|id| self.candidates.iter().find(|c| c.effect == *id));
-        text.extend(rows.map(|row| format!("{}: {}.", row.effect, sizes(row))));
+        text.extend(self.unknown.iter().flat_map(Unknown::sentences));
+        for row in self.effects.iter().filter_map(|id| self.candidates.iter().find(|c| c.effect == *id)) {
+            let size = |p: &ParameterEstimate| {
+                format!("{} = {:.3e} +- {:.1e}{}", p.name, p.estimate, p.stddev, behind(&p.unit))
+            };
+            let more = (row.parameters.len() > MOST_SIZES).then(|| "...".to_owned());
+            let sizes: Vec<String> = row.parameters.iter().take(MOST_SIZES).map(size).chain(more).collect();
+            text.push(format!("{}: {}.", row.effect, sizes.join(", ")));
+        }
         if !self.effects.is_empty() {
             let slow = &self.slow_residual;
-            let held =
-                slow.held_out_before.zip(slow.held_out_after).map_or_else(String::new, |(before, after)| {
-                    format!(", and on held-out runs from {before:.2} to {after:.2}")
-                });
+            let held_out = slow.held_out_before.zip(slow.held_out_after);
+            let held_out = held_out.map_or_else(String::new, |(before, after)| {
+                format!(", and on held-out runs from {before:.2} to {after:.2}")
+            });
             text.push(format!(
-                "With it the slow residual (whitened, summed over 1 and 8 s; 1 = noise) falls from {:.2} to {:.2}{held}.",
+                "With it the slow residual (whitened, summed over 1 and 8 s; 1 = noise) falls from {:.2} to {:.2}{held_out}.",
                 slow.before, slow.after
             ));
         }
@@ -130,16 +121,16 @@ impl Diagnosis {
         let (first, second) = match self.verdict {
             Verdict::Named => (format!("The model lacks: {best}."), None),
             Verdict::Confounded => {
-                let sets = self.confounded_with.iter().take(MOST_SETS);
-                let shown: Vec<String> = sets.map(|set| self.titled(set)).collect();
-                let more = self.confounded_with.len() - shown.len();
-                let more = if more > 0 { format!("; and {more} more sets") } else { String::new() };
-                let others = format!("It may also be: {}{more}.", shown.join("; "));
+                let others = &self.confounded_with;
+                let mut sets: Vec<String> =
+                    others.iter().take(MOST_SETS).map(|set| self.titled(set)).collect();
+                let more = others.len() - sets.len();
+                sets.extend((more > 0).then(|| format!("and {more} more sets")));
                 (
                     format!(
                         "The model lacks {best}, or an effect that these data cannot distinguish from it."
                     ),
-                    (!shown.is_empty()).then_some(others),
+                    (!sets.is_empty()).then(|| format!("It may also be: {}.", sets.join("; "))),
                 )
             }
             Verdict::Unknown => {
@@ -158,10 +149,9 @@ impl Diagnosis {
                 let likely = self.explanations.iter().take(MOST_SETS);
                 let likely: Vec<String> =
                     likely.map(|e| format!("{} {}", e.title(), percent(e.probability))).collect();
-                let compared = format!("Of what was compared: {}.", likely.join("; "));
                 (
                     "These data cannot show whether an effect is missing.".to_owned(),
-                    (likely.len() > 1).then_some(compared),
+                    (likely.len() > 1).then(|| format!("Of what was compared: {}.", likely.join("; "))),
                 )
             }
         };
@@ -170,11 +160,4 @@ impl Diagnosis {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::behind;
-
-    #[test]
-    fn a_plain_number_has_no_unit() {
-        assert_eq!([behind("1"), behind("N m")], ["", " N m"]);
-    }
-}
+mod tests;

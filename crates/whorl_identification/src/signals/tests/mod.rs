@@ -1,0 +1,3 @@
+mod digits;
+mod readings;
+mod seen;
