@@ -1,4 +1,4 @@
-//! The one function that finds what a model lacks, and its options.
+//! The one function that finds what a model lacks.
 
 use whorl_dynamics::effects::find;
 use whorl_dynamics::{ModelPrior, PlatformModel};
@@ -8,38 +8,7 @@ use crate::case::{Case, is_blind};
 use crate::selection::Selection;
 use crate::verdict::answer::answer;
 use crate::verdict::missing_channels;
-use crate::{Diagnosis, DiagnosisError, Settings};
-
-/// Options of a diagnosis; [`Options::default`] suits most cases.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Options {
-    /// Effects to exclude, by their ids.
-    pub exclude: Vec<String>,
-    /// 1: everything on one thread; more: on those of the computer. Results do not depend on it.
-    pub threads: usize,
-    /// Largest number of effects that are named together.
-    pub largest_set: usize,
-    /// The model with those low-passes that the samples show to delay: [`Diagnosis::delaying`]. `None`: it is found, which takes as long as a fit.
-    pub delaying: Option<PlatformModel>,
-    /// Numbers that the verdict depends on; there is rarely a reason to change one.
-    pub settings: Settings,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        let settings = Settings::default();
-        Self { exclude: Vec::new(), threads: 2, largest_set: 3, delaying: None, settings }
-    }
-}
-
-/// Progress of a diagnosis.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Progress {
-    /// Share done, 0 to 1.
-    pub share: f64,
-    /// The current step.
-    pub doing: &'static str,
-}
+use crate::{Diagnosis, DiagnosisError, Options, Progress};
 
 /// Finds the effect that the model lacks. `held_out` recordings are used to test, never to fit. `progress` is called repeatedly from this thread.
 ///

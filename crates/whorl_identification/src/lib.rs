@@ -15,23 +15,26 @@ mod error;
 mod fitting;
 mod grammar;
 mod identification;
+mod options;
 mod parameter_space;
 mod selection;
 mod settings;
 mod signals;
+mod stretch;
 #[cfg(test)]
 mod tests;
 mod threads;
 mod verdict;
 
-pub use diagnose::{Options, Progress, diagnose};
+pub use diagnose::diagnose;
 pub use discovery::{Discovery, EvaluatedLaw, FittedValue, discover};
 pub use error::DiagnosisError;
 pub(crate) use error::Outcome;
 pub use fitting::fit;
 pub use fitting::refit::{Fit, FittedParameter};
-pub use fitting::ties::Tie;
+pub use fitting::tie::Tie;
 pub use identification::{Determined, Identification, identify, predict};
+pub use options::{Options, Progress};
 pub use selection::information::{ExpectedInformation, expected_information};
 pub use settings::Settings;
 pub use signals::readings::usable_readings;

@@ -9,10 +9,10 @@ use whorl_prediction::{Fitted, Rival, Settings};
 use whorl_recording::Recording;
 
 use crate::DiagnosisError;
-use crate::case::stretch;
 use crate::fitting::refit::Refit;
 use crate::parameter_space::Reference;
 use crate::parameter_space::available::Available;
+use crate::stretch::stretch;
 
 /// Length of the start of each recording that is used \[s\]: a delay that matters for the whole recording shows in it.
 const LONGEST_S: f64 = 60.0;

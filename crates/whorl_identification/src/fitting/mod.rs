@@ -3,6 +3,7 @@
 pub(crate) mod low_pass;
 pub(crate) mod normal_equations;
 pub(crate) mod refit;
+pub(crate) mod tie;
 pub(crate) mod ties;
 
 use whorl_dynamics::effects::find;

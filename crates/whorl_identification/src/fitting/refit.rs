@@ -8,7 +8,7 @@ use whorl_prediction::{Fitted, Followed, Parameter, Rival, Settings, fit};
 use whorl_recording::Recording;
 
 use crate::DiagnosisError;
-use crate::fitting::ties::Tie;
+use crate::fitting::tie::Tie;
 use crate::parameter_space::available::Available;
 use crate::parameter_space::{Column, Point, Reference};
 

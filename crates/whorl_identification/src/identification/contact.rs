@@ -7,7 +7,7 @@ use whorl_dynamics::PlatformModel;
 use whorl_estimation::sequential::{CONTACT_LASTS_S, touches};
 use whorl_recording::{Recording, Series};
 
-use crate::case::stretch;
+use crate::stretch::stretch;
 
 /// Specific forces are averaged over so long before they are judged \[s\]: motion is slow against it, and noise is not.
 const AVERAGED_S: f64 = 0.1;

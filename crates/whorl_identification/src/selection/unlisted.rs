@@ -12,9 +12,9 @@ use whorl_recording::Recording;
 use crate::fitting::normal_equations::{Estimate, Normal};
 use crate::grammar::{At, Grammar, Law, SIZES, of_diagnosis};
 use crate::selection::hypothesis::{Evaluated, Runs};
+use crate::signals::lines::Lines;
 use crate::signals::observed::{Applied, Observed};
 use crate::verdict::diagnosis::Unknown;
-use crate::verdict::posterior::Left;
 use crate::{DiagnosisError, Outcome, threads};
 
 /// Random torque that any rig has, over that which is no background any more. An assumption: a tenth of its variance.
@@ -31,6 +31,14 @@ pub(crate) struct Found {
     /// Drop of twice the negative log posterior.
     drop: f64,
     pub values: Vec<f64>,
+}
+
+/// A set, the runs as it leaves them, and what is periodic in that.
+#[derive(Clone, Copy)]
+pub(crate) struct Left<'s, 'a> {
+    pub set: &'s Evaluated,
+    pub observed: &'s [Observed<'a>],
+    pub lines: &'s Lines,
 }
 
 /// Laws beside a set, likeliest first, each with the log evidence of it and the set together over that of the set, its prior included.

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use whorl_dynamics::effects::find;
 use whorl_recording::Recording;
 
+use crate::selection::unlisted::Left;
 use crate::selection::{Evaluated, Selection, is_given};
 use crate::signals::lines::Lines;
 use crate::signals::observed::{Applied, held_out_remains, observed};
@@ -13,7 +14,7 @@ use crate::verdict::diagnosis::{
     BackgroundTorque, Candidate, Explanation, FittedSet, NextManoeuvre, SlowResidual, Verdict,
 };
 use crate::verdict::noise::{noise_of, noise_remarks};
-use crate::verdict::posterior::{Left, Posterior};
+use crate::verdict::posterior::Posterior;
 use crate::verdict::rows::rows;
 use crate::verdict::{digits, missing_channels};
 use crate::{Diagnosis, DiagnosisError, Options, Outcome};

@@ -2,10 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use crate::selection::unlisted::laws_beside;
+use crate::selection::unlisted::{Left, laws_beside};
 use crate::selection::{Evaluated, Runs, Selection, log_prior};
-use crate::signals::lines::Lines;
-use crate::signals::{Observed, remains_of};
+use crate::signals::remains_of;
 use crate::verdict::diagnosis::{FittedSet, ParameterOfSet, Termination, Unknown, Verdict};
 use crate::{Outcome, Settings};
 
@@ -14,14 +13,6 @@ use crate::{Outcome, Settings};
 const PERIODIC: [f64; 2] = [1.5, 2.0];
 /// Share of the evidence of an effect above which its residual is another law, over that which its own formula may leave: twice its error.
 const OF_OTHER_LAW: f64 = 4.0;
-
-/// A set, the runs as it leaves them, and what is periodic in that.
-#[derive(Clone, Copy)]
-pub(crate) struct Left<'s, 'a> {
-    pub set: &'s Evaluated,
-    pub observed: &'s [Observed<'a>],
-    pub lines: &'s Lines,
-}
 
 pub(crate) struct Posterior {
     /// Most probable first, then sets that are not admissible.
