@@ -85,8 +85,8 @@ impl<'a> Filter<'a> {
         while mean.plant.now_ns() < to_ns && !mean.lost {
             let from_ns = mean.plant.now_ns();
             let left_ns = to_ns - from_ns;
-            // Equal steps, so that none is tiny.
-            let steps = (left_ns as f64 * 1e-9 / gains.longest_s()).ceil().clamp(1.0, 1e6);
+            // Equal steps, so that none is tiny, and not twice as many for what rounding makes longer.
+            let steps = (left_ns as f64 * 1e-9 / gains.longest_s() - 1e-6).ceil().clamp(1.0, 1e6);
             let end_ns = (from_ns + ((left_ns as f64 / steps).ceil() as i64).max(1)).min(to_ns);
             mean.disturb();
             self.columns.iter_mut().for_each(|columns| columns.set_out(mean, end_ns, to_ns));

@@ -68,12 +68,16 @@ impl Disturbance {
         self.stddevs_n_m().filter(|stddev| *stddev > 0.0).count()
     }
 
-    /// With processes of all these correlation times \[s\], each about each axis this share of the largest about it at least.
-    pub(crate) fn spread(&self, times_s: &[f64], share: f64) -> Self {
-        let most = [0, 1, 2].map(|axis| self.body.iter().map(|of| of.stddev_b_n_m[axis]).fold(0.0, f64::max));
+    /// With processes of all these correlation times \[s\], each about each axis as strong at least as any other where both are fast, if it is the
+    /// shorter one, or where both are slow: what is much smaller than its best beside others would stay hidden behind them.
+    pub(crate) fn spread(&self, times_s: &[f64]) -> Self {
         let of_time = |correlation_s: &f64| {
-            let now = self.body.iter().find(|of| of.correlation_s == *correlation_s);
-            let stddev = |axis: usize| now.map_or(0.0, |of| of.stddev_b_n_m[axis]).max(share * most[axis]);
+            // Density of a first-order Markov process is 2 sigma^2 tau/(1 + omega^2 tau^2).
+            let share = |tau_s: f64| (tau_s / correlation_s).min(correlation_s / tau_s).sqrt();
+            let stddev = |axis: usize| {
+                let all = self.body.iter().map(|of| of.stddev_b_n_m[axis] * share(of.correlation_s));
+                all.fold(0.0, f64::max)
+            };
             RandomTorque { stddev_b_n_m: [0, 1, 2].map(stddev), correlation_s: *correlation_s }
         };
         let mut spread = Self { body: times_s.iter().map(of_time).collect(), ..self.clone() };

@@ -7,9 +7,8 @@ use rayon::prelude::*;
 use whorl_dynamics::PlatformModel;
 use whorl_recording::Recording;
 
-use crate::levels::{Fit, followed_from};
 use crate::passes::Pass;
-use crate::{Followed, Laws, Noise, PredictionError, Prepared, Settings, Varied};
+use crate::{Followed, Laws, Noise, PredictionError, Prepared, Settings, Varied, follow_again};
 
 /// A parameter of a family of models, counted in a unit of its own from where nothing is known better.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,7 +62,9 @@ pub fn fit(
     let log_posterior_before = begun.log_posterior;
     let mut best = problem.settled(begun, rival.log_posterior_needed)?;
     let judged = problem.each(&best.iterate.at, |case, run| {
-        Ok(followed_from(case, &Noise::stated(case)?, &best.iterate.followed[run], Fit::AtEnd))
+        let before = &best.iterate.followed[run];
+        let is_disturbed = before.noise.disturbance.is_some();
+        Ok(if is_disturbed { follow_again(case, &Noise::stated(case)?, before) } else { before.clone() })
     })?;
     let has_other =
         |(a, b): (&Followed, &Followed)| (&a.noise, &a.fitted.start) != (&b.noise, &b.fitted.start);

@@ -4,9 +4,9 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::{Iterate, Problem};
 use crate::fitted::LARGEST_MISFIT;
-use crate::levels::{Fit, followed_from};
+use crate::levels::{Fit, follow_anew, followed_from};
 use crate::passes::Pass;
-use crate::{Followed, Noise, PredictionError, follow};
+use crate::{Followed, Noise, PredictionError};
 
 pub(super) struct Settled {
     pub iterate: Iterate,
@@ -41,12 +41,17 @@ enum End {
 
 impl Problem<'_> {
     /// Each recording with the levels and the start that it shows with the model there; what the model without disturbances makes of it may be that of before.
-    fn followed(&self, at: &[f64], before: Option<&[Followed]>) -> Result<Iterate, PredictionError> {
+    fn followed(
+        &self,
+        at: &[f64],
+        before: Option<&[Followed]>,
+        fit: Fit,
+    ) -> Result<Iterate, PredictionError> {
         let followed = self.each(at, |case, run| {
             let stated = Noise::stated(case)?;
             Ok(match before.and_then(|before| before.get(run)) {
-                Some(before) => followed_from(case, &stated, before, Fit::OnWay),
-                None => follow(case, &stated),
+                Some(before) => followed_from(case, &stated, before, fit),
+                None => follow_anew(case, &stated, fit),
             })
         });
         Ok(self.iterate(at, followed?))
@@ -59,10 +64,10 @@ impl Problem<'_> {
         if let Ok((log, at)) = by_rival {
             let as_rival = self.iterate(at, rival.to_vec());
             let is_rival = (log - as_rival.log_posterior).abs() < self.settings.fit_round_nats;
-            return if is_rival { Ok(as_rival) } else { self.followed(at, Some(rival)) };
+            return if is_rival { Ok(as_rival) } else { self.followed(at, Some(rival), Fit::Begun) };
         }
         let best = likeliest(starts, |at, best: Option<&Iterate>| {
-            let here = self.followed(at, best.map(|best| &best.followed[..]))?;
+            let here = self.followed(at, best.map(|best| &best.followed[..]), Fit::Begun)?;
             Ok((here.log_posterior, here))
         });
         Ok(best?.1)
@@ -97,7 +102,7 @@ impl Problem<'_> {
             let mut followed = place.followed;
             let starts = followed.iter_mut().zip(place.passes);
             starts.for_each(|(run, pass)| run.fitted.covariance = pass.sums.own);
-            let Ok(next) = self.followed(&place.at, Some(&followed)) else { break };
+            let Ok(next) = self.followed(&place.at, Some(&followed), Fit::OnWay) else { break };
             let is_disturbed = |run: &Followed| run.noise.disturbance.is_some();
             let are_alike = followed.iter().map(is_disturbed).eq(next.followed.iter().map(is_disturbed));
             let log_before = std::mem::replace(&mut levels, next).log_posterior;

@@ -2,6 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
+use super::Fit;
 use super::scores::{Level, Scores};
 use crate::filter::Filter;
 use crate::trail::Trail;
@@ -11,7 +12,8 @@ use crate::{Likelihood, Noise, Prepared, Start};
 const LARGEST_STEP: f64 = 100.0;
 /// What is tried of a step that makes the run less likely as a whole.
 const SHARES_OF_A_STEP: [f64; 3] = [1.0, 0.3, 0.1];
-/// Over a part of a run, from which a longer one sets out, levels stand when a step brings less than so many times what it would have to.
+/// Over a part of a run, from which a longer one sets out, levels stand when a step brings less than so many times what it would have to. A step that brings
+/// less than so many times that is the last: Newton's leaves a tenth of it or so, which needs no gradients to be seen.
 const ROUGHLY: f64 = 10.0;
 /// Information on the logarithm of a variance of which nothing is known: a step then changes a level by a factor of ten or so.
 const LEAST_INFORMATION: f64 = 0.05;
@@ -42,50 +44,59 @@ pub(super) fn climb(
     noise: Noise,
     start: &Start,
     first: Option<usize>,
+    fit: Fit,
 ) -> Option<Place> {
     let settings = case.settings();
     let part = Part { case, stated, most: first.unwrap_or(usize::MAX) };
-    let stands_nats = settings.level_stands_nats * if first.is_some() { ROUGHLY } else { 1.0 };
-    let mut here = part.place(noise, start, f64::NEG_INFINITY)?;
+    let near_nats = settings.level_stands_nats * ROUGHLY;
+    let stands_nats = if first.is_some() { near_nats } else { settings.level_stands_nats };
+    // With values that still move the wrong torques would be left out far from the top: what each is worth there says nothing of the top.
+    let (asked_nats, last_nats) =
+        if fit == Fit::None { (f64::INFINITY, near_nats) } else { (stands_nats, ROUGHLY * near_nats) };
     let mut needed = Vec::new();
+    let mut here = part.place(noise, start, f64::NEG_INFINITY, false)?;
     for _ in 0..settings.level_steps {
         let Some((step, gain_nats)) = here.step(&part) else { break };
-        let unseen = if first.is_none() { here.unseen(settings.level_seen_nats) } else { Vec::new() };
-        let next_with = |share: f64, without: &[Level], least| {
+        let is_asked = first.is_none() && gain_nats <= asked_nats;
+        let unseen = if is_asked { here.unseen(settings.level_seen_nats) } else { Vec::new() };
+        let next_with = |share: f64, without: &[Level], is_last| {
             let mut noise = here.noise.clone();
             for (level, by) in here.levels.iter().zip(&step) {
                 let factor = if without.contains(level) { 0.0 } else { (0.5 * share * by).exp() };
                 level.set(&mut noise, level.stddev(&here.noise) * factor);
             }
             noise.disturbance.forget_silent();
-            part.place(noise, &here.start, least)
+            let least = here.objective - settings.level_seen_nats * without.len() as f64;
+            part.place(noise, &here.start, least, is_last)
         };
-        let is_close = gain_nats <= stands_nats;
-        let least = here.objective - settings.level_seen_nats * unseen.len() as f64;
-        let is_asked = !unseen.is_empty() && unseen != needed;
-        let share = if is_close { 0.0 } else { 1.0 };
-        let mut next = is_asked.then(|| next_with(share, &unseen, least)).flatten();
+        // Without some of them others may not be seen either.
+        let is_new = !unseen.is_empty() && unseen != needed;
+        let mut next = is_new.then(|| next_with(1.0, &unseen, false)).flatten();
         if next.is_none() {
             needed = unseen;
-            if is_close {
-                break;
-            }
-            next = SHARES_OF_A_STEP.iter().find_map(|share| next_with(*share, &[], here.objective));
+        }
+        let is_last = next.is_none() && gain_nats <= last_nats;
+        if next.is_none() && gain_nats > stands_nats {
+            let shares = if is_last { &SHARES_OF_A_STEP[..1] } else { &SHARES_OF_A_STEP };
+            next = shares.iter().find_map(|share| next_with(*share, &[], is_last));
         }
         let Some(next) = next else { break };
         here = next;
+        if is_last {
+            break;
+        }
     }
     Some(here)
 }
 
 impl Part<'_> {
-    /// `None` where the motion is lost, or nothing is likelier than `least`.
-    fn place(&self, noise: Noise, start: &Start, least: f64) -> Option<Place> {
+    /// `None` where the motion is lost, or nothing is likelier than `least`; the last has no scores.
+    fn place(&self, noise: Noise, start: &Start, least: f64, is_last: bool) -> Option<Place> {
         let start = start.with_levels(self.case, &noise);
         let levels = Level::all(self.case, &noise);
         let readings = levels.iter().filter(|level| !level.is_torque());
         let prior: f64 = readings.map(|level| -0.5 * self.known() * self.off(*level, &noise).powi(2)).sum();
-        let (scores, log) = scored(self.case, &noise, &start, &levels, self.most, least - prior)?;
+        let (scores, log) = scored(self.case, &noise, &start, &levels, self.most, least - prior, is_last)?;
         Some(Place { noise, start, log, objective: log + prior, levels, scores })
     }
 
@@ -133,6 +144,7 @@ impl Place {
 }
 
 /// What the first so many instants of a recording say of its levels, and log p of them; `None` where the motion is lost, or log p is not above `least`.
+/// At the last place levels are of no interest any more.
 pub(super) fn scored(
     case: &Prepared<'_>,
     noise: &Noise,
@@ -140,8 +152,13 @@ pub(super) fn scored(
     levels: &[Level],
     most: usize,
     least: f64,
+    is_last: bool,
 ) -> Option<(Scores, f64)> {
     let mut filter = Filter::new(case, noise, start).about_known_biases(start);
+    if is_last {
+        let log = filter.run(most, &mut |_| {}).log;
+        return (log > least).then(|| (Scores::none(levels.len()), log));
+    }
     let mut likelihood = Likelihood::begun(filter.log_known);
     filter.trail = Some(Trail::new(start.layout));
     let mut scores = Scores::none(levels.len());

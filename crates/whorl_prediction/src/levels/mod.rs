@@ -28,8 +28,6 @@ const SIZES: i32 = 7;
 const LONGER: usize = 6;
 /// Random torques about each axis.
 const PROCESSES: usize = 3;
-/// What is not seen in a part of a run may show in a longer one: each torque has this share of the largest about its axis again.
-const LEAST_SHARE: f64 = 0.05;
 /// Disturbances are surely there if they make a run likelier by so many times what they must.
 const SURELY: f64 = 3.0;
 
@@ -83,6 +81,10 @@ pub fn followed_with(case: &Prepared<'_>, followed: &Followed, disturbance: Dist
 /// Follows a run with the levels that it shows, beginning with the stated ones: by the first part of it, of torques of all sizes the likeliest, from there
 /// the likeliest levels, and with these the start; then by longer and longer parts.
 pub fn follow(case: &Prepared<'_>, stated: &Noise) -> Followed {
+    follow_anew(case, stated, Fit::None)
+}
+
+pub(crate) fn follow_anew(case: &Prepared<'_>, stated: &Noise, fit: Fit) -> Followed {
     let settings = case.settings();
     let part = settings.level_first_instants;
     let start_by = |noise: &Noise| fitted_start_within(case, noise, settings.level_start_instants);
@@ -96,9 +98,10 @@ pub fn follow(case: &Prepared<'_>, stated: &Noise) -> Followed {
         (log, noise)
     });
     let best = tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(loud, |(_, noise)| noise);
-    let noise = climb(case, stated, best.clone(), &start, Some(part)).map_or(best, |found| found.noise);
+    let noise = climb(case, stated, best.clone(), &start, Some(part), fit).map_or(best, |found| found.noise);
     let fitted = start_by(&noise);
-    judged(case, found(case, stated, spread(case, noise), fitted, part.saturating_mul(LONGER)), None)
+    let longer = part.saturating_mul(LONGER);
+    judged(case, found(case, stated, spread(case, noise), fitted, longer, fit), None)
 }
 
 /// The same with a model close to the one with which the run was followed before, or better: where that one needed no disturbances, this one does not.
@@ -109,38 +112,32 @@ pub fn follow_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> F
 /// Where a fit is.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum Fit {
+    /// Values stand.
     None,
-    /// What the model without disturbances makes of a run is asked for at the end alone: while it is far from explaining it, what was known before stands.
+    /// With levels of another model: torques of all correlation times are tried again, of which those that a worse one had hidden may show by now.
+    Begun,
+    /// Values still move. What the model without disturbances makes of a run is asked for at the end alone: while it is far from explaining it, what was known
+    /// before stands.
     OnWay,
-    /// Torques of all correlation times are tried again, of which those that a worse model had hidden may show by now.
-    AtEnd,
 }
 
 pub(crate) fn followed_from(case: &Prepared<'_>, stated: &Noise, before: &Followed, fit: Fit) -> Followed {
     if !before.fitted.start.is_of(case) {
-        return follow(case, stated);
+        return follow_anew(case, stated, fit);
     }
     if before.noise.disturbance.is_some() {
-        let mut best = found_again(case, stated, before);
-        if fit == Fit::AtEnd {
-            let again =
-                found(case, stated, spread(case, best.noise.clone()), best.fitted.clone(), case.instants());
-            best = if again.log > best.log { again } else { best };
-        }
-        return judged(case, best, (fit == Fit::OnWay).then_some(before));
-    }
-    if fit == Fit::AtEnd {
-        return before.clone();
+        return judged(case, found_again(case, stated, before, fit), (fit != Fit::None).then_some(before));
     }
     let (noise, fitted) = (before.noise.clone(), &before.fitted);
-    let noise = climb(case, stated, noise.clone(), &fitted.start, None).map_or(noise, |found| found.noise);
+    let noise =
+        climb(case, stated, noise.clone(), &fitted.start, None, fit).map_or(noise, |found| found.noise);
     let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &noise, fitted, f64::NEG_INFINITY);
     Followed { noise, fitted: undisturbed.clone(), undisturbed, undisturbed_likelihood, gain_nats: 0.0 }
 }
 
 /// The same noise with torques of all correlation times.
 fn spread(case: &Prepared<'_>, noise: Noise) -> Noise {
-    Noise { disturbance: noise.disturbance.spread(times_s(case), LEAST_SHARE), ..noise }
+    Noise { disturbance: noise.disturbance.spread(times_s(case)), ..noise }
 }
 
 /// Correlation times of torques that come and go within a run: one that stays is a constant of the model, and one that is gone at the next reading does not show.
@@ -181,12 +178,15 @@ struct Found {
 }
 
 /// The likeliest levels of a run, from those that were found with a model close by.
-fn found_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> Found {
-    let (noise, mut fitted) = (before.noise.clone(), before.fitted.clone());
+fn found_again(case: &Prepared<'_>, stated: &Noise, before: &Followed, fit: Fit) -> Found {
+    let (mut noise, mut fitted) = (before.noise.clone(), before.fitted.clone());
     // As narrow as the run makes it by now: log p depends on that.
     let wide = Start::wide(case, &noise).covariance;
     fitted.start.covariance = narrowed(&wide, &fitted.covariance, case.settings().start_kept);
-    found(case, stated, noise, fitted, case.instants())
+    if fit == Fit::Begun {
+        noise = spread(case, noise);
+    }
+    found(case, stated, noise, fitted, case.instants(), fit)
 }
 
 /// The same from these levels on, by longer and longer parts of the run from one of so many instants.
@@ -196,11 +196,12 @@ fn found(
     mut noise: Noise,
     mut fitted: FittedStart,
     mut part: usize,
+    fit: Fit,
 ) -> Found {
     loop {
-        // Of half of it the other half is soon looked at as well.
-        let first = Some(part).filter(|part| *part < case.instants().div_ceil(2));
-        let Some(found) = climb(case, stated, noise.clone(), &fitted.start, first) else {
+        // What a climb takes over a third of it, some three passes, is one over the whole.
+        let first = Some(part).filter(|part| *part < case.instants() / 3);
+        let Some(found) = climb(case, stated, noise.clone(), &fitted.start, first, fit) else {
             return Found { noise, fitted, log: f64::NEG_INFINITY };
         };
         if found.start.layout != fitted.start.layout {

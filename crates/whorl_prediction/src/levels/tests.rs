@@ -53,7 +53,8 @@ fn gradients_by_levels_are_differences_of_log_p() {
     let noise = Noise { disturbance, ..Noise::stated(&case).unwrap() };
     let start = fitted_start_within(&case, &noise, usize::MAX).start.with_levels(&case, &noise);
     let levels = Level::all(&case, &noise);
-    let (scores, log) = climb::scored(&case, &noise, &start, &levels, usize::MAX, f64::NEG_INFINITY).unwrap();
+    let (scores, log) =
+        climb::scored(&case, &noise, &start, &levels, usize::MAX, f64::NEG_INFINITY, false).unwrap();
     assert_eq!(levels.len(), 6 + 2 + 7);
     assert!((log - log_p(&case, &noise, &start)).abs() < 1e-9);
     for (i, level) in levels.iter().enumerate() {

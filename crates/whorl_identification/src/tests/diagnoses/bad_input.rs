@@ -47,11 +47,7 @@ fn each_says_what_is_wrong() {
     let offset = *model.mass_properties.gravity_offset_b_n_m();
     let mut other = model.clone();
     other.mass_properties = MassProperties::new(inertia, offset, model.mass_properties.mass_kg()).unwrap();
-    // Refused, or where a law without a name may have bent the fit as much, said.
-    let prior = ModelPrior::typical(&other);
-    let run = record(&model, 5, 60.0, None);
-    let result = diagnose(&[run], &[], &other, &prior, &Options::default(), &mut |_| {});
-    let text = result.map_or_else(|error| error.to_string(), |found| found.remarks.join(" "));
+    let text = error_of(record(&model, 5, 60.0, None), &other).to_string();
     assert!(text.contains("moment of inertia") && text.contains("different platforms"), "{text}");
     let unknown = Options { exclude: vec!["no_such_effect".to_owned()], ..Options::default() };
     let result = diagnose(&[good], &[], &model, &ModelPrior::typical(&model), &unknown, &mut |_| {});
