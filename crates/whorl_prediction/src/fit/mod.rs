@@ -43,6 +43,9 @@ pub struct Fitted {
     pub stands: bool,
 }
 
+/// How often levels of values that stand are found, and values with these, at most.
+const JUDGED: usize = 2;
+
 /// Fits parameters to recordings, beginning with the likeliest of these values, and never less likely than it. Values that no
 /// platform has are passed over. A model that competes with another one begins with its levels and starts, and is given up where twice the
 /// predicted gain of a step does not bring it to what it needs; [`Fitted::stands`] then is false.
@@ -61,17 +64,30 @@ pub fn fit(
     let begun = problem.begun(starts, rival.followed)?;
     let log_posterior_before = begun.log_posterior;
     let mut best = problem.settled(begun, rival.log_posterior_needed)?;
-    let judged = problem.each(&best.iterate.at, |case, run| {
-        let before = &best.iterate.followed[run];
-        let is_disturbed = before.noise.disturbance.is_some();
-        Ok(if is_disturbed { follow_again(case, &Noise::stated(case)?, before) } else { before.clone() })
-    })?;
-    let has_other =
-        |(a, b): (&Followed, &Followed)| (&a.noise, &a.fitted.start) != (&b.noise, &b.fitted.start);
-    if judged.iter().zip(&best.iterate.followed).any(has_other) {
+    for _ in 0..JUDGED {
+        let judged = problem.each(&best.iterate.at, |case, run| {
+            let before = &best.iterate.followed[run];
+            let is_disturbed = before.noise.disturbance.is_some();
+            Ok(if is_disturbed { follow_again(case, &Noise::stated(case)?, before) } else { before.clone() })
+        })?;
+        let has_other =
+            |(a, b): (&Followed, &Followed)| (&a.noise, &a.fitted.start) != (&b.noise, &b.fitted.start);
+        let are_others = judged.iter().zip(&best.iterate.followed).any(has_other);
+        best.iterate = problem.iterate(&best.iterate.at, judged);
+        if !are_others {
+            break;
+        }
         best.information = None;
+        if best.is_hopeless {
+            break;
+        }
+        // Values belong to the levels with which they are said.
+        let at = best.iterate.at.clone();
+        best = problem.settled(best.iterate, rival.log_posterior_needed)?;
+        if best.iterate.at == at {
+            break;
+        }
     }
-    best.iterate = problem.iterate(&best.iterate.at, judged);
     // Beside disturbances parameters hardly matter, and both shrink slowly: the model without them may explain everything by now.
     if let Some(undisturbed) = problem.without_disturbance(&best.iterate).filter(|_| !best.is_hopeless) {
         let undisturbed = problem.settled(undisturbed, best.iterate.log_posterior)?;
