@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use whorl_msgs::topics::{Message, PlatformId, Route, Topic};
 use whorl_node::Timestamp;
 use whorl_ros::environment::Network;
-use whorl_ros::{EndpointQos, Participant, RawReader};
+use whorl_ros::{EndpointQos, Handshakes, Participant, RawReader, monotonic};
 
 use super::machine::prefer;
 use super::typed::Typed;
@@ -68,28 +68,37 @@ impl Watch {
         let log = Arc::new(Mutex::new(Log::default()));
         let end = Arc::new(AtomicBool::new(false));
         let count = u16::try_from(platforms.len()).unwrap();
-        let all = |participant: &Participant| {
-            let mut readers = Vec::new();
-            for &topic in Topic::ALL {
-                let info = topic.info();
-                for platform in 0..if info.per_platform { count } else { 1 } {
-                    let route = route(platform, topic);
-                    let name = route.name(platforms).unwrap();
-                    // A deep queue: an observer on a busy machine must not lose messages.
-                    let qos = EndpointQos { depth: 1000, ..EndpointQos::from(info.qos) };
-                    readers.push((route, participant.reader(&name, info.message_type.name(), qos)?));
-                }
+        let mut topics = Vec::new();
+        for &topic in Topic::ALL {
+            let info = topic.info();
+            for platform in 0..if info.per_platform { count } else { 1 } {
+                let route = route(platform, topic);
+                // A deep queue: an observer on a busy machine must not lose messages.
+                let qos = EndpointQos { depth: 1000, ..EndpointQos::from(info.qos) };
+                topics.push((route, route.name(platforms).unwrap(), info.message_type.name(), qos));
             }
-            Ok(readers)
+        }
+        let all = move |participant: &Participant| {
+            let reader = |(route, name, message_type, qos): &(Route, String, &str, EndpointQos)| {
+                Ok((*route, participant.reader(name, message_type, *qos)?))
+            };
+            topics.iter().map(reader).collect::<Result<Vec<_>, _>>()
         };
-        let (participant, readers) = Participant::with(&network, all).unwrap();
+        let joined = Participant::with(&network, &all).unwrap();
         let (kept, stop) = (log.clone(), end.clone());
+        let mut handshakes = network.enclave.is_some().then(|| Handshakes::new(monotonic()));
         let thread = std::thread::spawn(move || {
+            let (mut participant, mut readers) = joined;
             while !stop.load(Ordering::Relaxed) {
                 take_all(&readers, &kept);
+                // As a node does that lacks something: an observer lacks whoever does not exchange keys with it.
+                if handshakes.as_mut().is_some_and(|handshakes| do_not_end(handshakes, &participant)) {
+                    println!("the observer does not hear everybody: it rejoins the network");
+                    handshakes = handshakes.as_ref().map(Handshakes::renewed);
+                    (participant, readers) = Participant::with(&network, &all).unwrap();
+                }
                 std::thread::sleep(Duration::from_millis(5));
             }
-            drop(participant);
         });
         Self { log, end, thread: Some(thread) }
     }
@@ -164,6 +173,15 @@ impl Watch {
         }
         text
     }
+}
+
+/// Whether somebody's handshake does not end.
+fn do_not_end(handshakes: &mut Handshakes, participant: &Participant) -> bool {
+    let now = monotonic();
+    while let Some(event) = participant.peer_event() {
+        handshakes.peer(now, event);
+    }
+    handshakes.look(now, || participant.known_peers()).is_err()
 }
 
 fn take_all(readers: &[(Route, RawReader)], log: &Mutex<Log>) {

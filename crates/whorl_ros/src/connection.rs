@@ -186,16 +186,9 @@ impl Connection {
             .subscriptions
             .iter()
             .any(|reader| self.matched.get(&reader.id()).is_none_or(HashSet::is_empty));
-        let Some(handshakes) = self.handshakes.as_mut().filter(|handshakes| lacks && handshakes.are_due(now))
-        else {
-            return Ok(());
-        };
-        let endpoints =
-            [self.participant.discovered_readers(), self.participant.discovered_writers()].concat();
-        let known: HashSet<ParticipantPrefix> = endpoints.iter().map(|e| e.endpoint.participant()).collect();
-        match handshakes.stuck(now, |peer| known.contains(peer)) {
-            0 => Ok(()),
-            count => Err(RosError::Stuck { doing: format!("exchanging keys with {count} participant(s)") }),
+        match self.handshakes.as_mut().filter(|_| lacks) {
+            Some(handshakes) => handshakes.look(now, || self.participant.known_peers()),
+            None => Ok(()),
         }
     }
 

@@ -6,9 +6,10 @@
 //! whose subscriptions has no publisher. Nobody else needs it, whether the handshake that does not end is that of a stranger, of
 //! an operator who has left already, or of a node that reads from us and lacks us. And it is not done often.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::time::Duration;
 
+use crate::error::RosError;
 use crate::peers::{ParticipantPrefix, PeerEvent};
 
 /// A handshake that takes longer than this does not end: RustDDS repeats a message once a second, ten times. Twice as long after
@@ -23,7 +24,7 @@ const REMEMBERED: usize = 256;
 
 /// Peers whose endpoints are not yet known.
 #[derive(Debug, Clone)]
-pub(crate) struct Handshakes {
+pub struct Handshakes {
     began: Duration,
     renewals: u32,
     open: HashMap<ParticipantPrefix, Duration>,
@@ -31,17 +32,19 @@ pub(crate) struct Handshakes {
 
 impl Handshakes {
     /// Nobody is known; `now` is the start of the process.
-    pub(crate) fn new(now: Duration) -> Self {
+    #[must_use]
+    pub fn new(now: Duration) -> Self {
         Self { began: now, renewals: 0, open: HashMap::new() }
     }
 
     /// For a new participant in place of one with handshakes that did not end.
-    pub(crate) fn renewed(&self) -> Self {
+    #[must_use]
+    pub fn renewed(&self) -> Self {
         Self { open: HashMap::new(), renewals: self.renewals + 1, ..*self }
     }
 
     /// Records a change among the peers.
-    pub(crate) fn peer(&mut self, now: Duration, event: PeerEvent) {
+    pub fn peer(&mut self, now: Duration, event: PeerEvent) {
         match event {
             // The second follows the first when the handshake has ended, and begins the exchange of endpoints.
             PeerEvent::Authenticating(peer) | PeerEvent::Discovered(peer)
@@ -56,15 +59,34 @@ impl Handshakes {
         }
     }
 
+    /// Fails when a handshake does not end; `known` gives those whose endpoints are known.
+    ///
+    /// # Errors
+    /// [`RosError::Stuck`]: only a new participant helps.
+    pub fn look(
+        &mut self,
+        now: Duration,
+        known: impl FnOnce() -> HashSet<ParticipantPrefix>,
+    ) -> Result<(), RosError> {
+        if !self.are_due(now) {
+            return Ok(());
+        }
+        let known = known();
+        match self.stuck(now, |peer| known.contains(peer)) {
+            0 => Ok(()),
+            count => Err(RosError::Stuck { doing: format!("exchanging keys with {count} participant(s)") }),
+        }
+    }
+
     /// Whether it is worth asking [`Self::stuck`].
-    pub(crate) fn are_due(&self, now: Duration) -> bool {
+    fn are_due(&self, now: Duration) -> bool {
         self.is_early(now)
             && self.renewals < MOST
             && self.open.values().any(|since| now.saturating_sub(*since) > self.longest())
     }
 
     /// How many handshakes do not end, given those whose endpoints are known.
-    pub(crate) fn stuck(&mut self, now: Duration, known: impl Fn(&ParticipantPrefix) -> bool) -> usize {
+    fn stuck(&mut self, now: Duration, known: impl Fn(&ParticipantPrefix) -> bool) -> usize {
         self.open.retain(|peer, _| !known(peer));
         let longest = self.longest();
         self.open.values().filter(|since| now.saturating_sub(**since) > longest).count()

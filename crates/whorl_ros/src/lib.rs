@@ -60,6 +60,7 @@ pub use clock::{Clock, SET_BACK, monotonic, wall_clock};
 pub use context::{NodeContext, NodeOptions, WRONG_USAGE, context_from_command_line};
 pub use error::RosError;
 pub use graph::{Announcement, NodeList};
+pub use handshakes::Handshakes;
 pub use launcher::end_with_launcher;
 pub use listener::AmbientNetwork;
 pub use log::to_stderr as log_to_stderr;

@@ -1,5 +1,6 @@
 //! The process on the DDS network: creates readers and writers, and lists the other participants.
 
+use std::collections::HashSet;
 use std::net::IpAddr;
 use std::time::{Duration, Instant};
 
@@ -19,7 +20,7 @@ use crate::environment::Network;
 use crate::error::RosError;
 use crate::names;
 use crate::nudge::Nudge;
-use crate::peers::PeerEvent;
+use crate::peers::{ParticipantPrefix, PeerEvent};
 use crate::raw::{EndpointId, RawCdr, RawReader, RawWriter};
 use crate::relay::Relay;
 use crate::worker::{Kept, LONGEST_CREATION, Worker};
@@ -315,6 +316,13 @@ impl Participant {
             .collect();
         list.sort();
         list
+    }
+
+    /// Participants of which an endpoint is known.
+    #[must_use]
+    pub fn known_peers(&self) -> HashSet<ParticipantPrefix> {
+        let endpoints = [self.discovered_readers(), self.discovered_writers()].concat();
+        endpoints.iter().map(|e| e.endpoint.participant()).collect()
     }
 
     /// Announced addresses at which the others receive messages.
