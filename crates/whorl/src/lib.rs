@@ -260,8 +260,7 @@ pub mod identification {
 ///
 /// ```
 /// use whorl::dynamics::PlatformModel;
-/// use whorl::recording::Recording;
-/// use whorl::prediction::{Needs, check};
+/// use whorl::recording::{Needs, Recording, check};
 ///
 /// // A recording without a gyro cannot say how the body turned, and the refusal says what would help.
 /// let needs = Needs { shortest_s: 10.0, free: true, accelerometer: false };

@@ -5,12 +5,11 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use whorl_bag::CsvMap;
 use whorl_explain::Case;
-use whorl_identification::usable_readings;
 use whorl_math::words::shell_word;
 use whorl_objects::{is_remote, local};
 use whorl_recording::{
     KnownPlatform, ReadOptions, Recording, RecordingError, platform_parts, read_csv, read_model,
-    read_run_with,
+    read_run_with, usable_readings,
 };
 
 /// Where runs and their model are.

@@ -5,11 +5,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use rayon::prelude::*;
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::{EffectKind, find};
-use whorl_identification::{DiagnosisError, Fit, FittedParameter, Options, Tie, fit, usable_readings};
+use whorl_identification::{DiagnosisError, Fit, FittedParameter, Options, Tie, fit};
 use whorl_math::three_digits;
 use whorl_params::ModelStep;
 use whorl_prediction::Followed;
-use whorl_recording::Recording;
+use whorl_recording::{Recording, usable_readings};
 use whorl_validation::Comparison;
 
 use crate::{Case, ExplainError, ProgressCallback};

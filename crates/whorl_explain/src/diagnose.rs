@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 use whorl_dynamics::PlatformModel;
-use whorl_identification::{Diagnosis, Options, Progress, fit, usable_readings};
-use whorl_recording::Recording;
+use whorl_identification::{Diagnosis, Options, Progress, fit};
+use whorl_recording::{Recording, usable_readings};
 use whorl_validation::{Localisation, UnexplainedTorques, explain_where, unexplained_torques};
 
 use crate::adopt::{Adoption, prediction_errors, versions};

@@ -1,15 +1,15 @@
 //! Recordings and a model, checked against each other: what every question to recordings begins with.
 
+use std::borrow::Cow;
+
 use whorl_dynamics::{ModelPrior, PlatformModel};
-use whorl_prediction::{Needs, check, longest_cell_s};
-use whorl_recording::Recording;
+use whorl_prediction::longest_cell_s;
+use whorl_recording::{Needs, Recording, check, usable_readings};
 
 use crate::fitting::low_pass;
 use crate::parameter_space::Reference;
 use crate::parameter_space::available::Available;
 use crate::selection::Runs;
-use crate::signals::is_clamped;
-use crate::signals::readings::usable;
 use crate::{DiagnosisError, Options};
 
 /// What is needed of a recording. Whether it holds enough is a matter of information, not of seconds.
@@ -71,5 +71,11 @@ pub(crate) fn is_blind(recording: &Recording, model: &PlatformModel) -> bool {
     let attitude = recording.vectors.iter().any(|v| !v.direction_b.is_empty())
         || !recording.specific_force_b_m_s2.is_empty();
     let wheels_turn = recording.wheel_torque_command_n_m.value.iter().flatten().any(|u| *u != 0.0);
-    !is_clamped(recording, model) && !attitude && recording.wheel_speed_rad_s.is_empty() && wheels_turn
+    !recording.is_clamped(model) && !attitude && recording.wheel_speed_rad_s.is_empty() && wheels_turn
+}
+
+/// Recordings without readings that say nothing, and what was left out, in sentences.
+pub(crate) fn usable(recordings: &[Recording], model: &PlatformModel) -> (Vec<Recording>, Vec<String>) {
+    let (kept, remarks): (Vec<_>, Vec<_>) = recordings.iter().map(|run| usable_readings(run, model)).unzip();
+    (kept.into_iter().map(Cow::into_owned).collect(), remarks.concat())
 }

@@ -4,7 +4,8 @@ use thiserror::Error;
 use whorl_dynamics::effects::RegisterError;
 use whorl_dynamics::effects::written::DefinitionError;
 use whorl_dynamics::{EffectError, GyrostatError};
-use whorl_prediction::{PredictionError, Refusal};
+use whorl_prediction::PredictionError;
+use whorl_recording::Refusal;
 
 /// Why recordings cannot be diagnosed, with advice.
 #[derive(Debug, Clone, PartialEq, Error)]

@@ -37,7 +37,6 @@ pub use identification::{Determined, Identification, identify, predict};
 pub use options::{Options, Progress};
 pub use selection::information::{ExpectedInformation, expected_information};
 pub use settings::Settings;
-pub use signals::readings::usable_readings;
 pub use verdict::diagnosis::{
     BackgroundTorque, Candidate, Diagnosis, Explanation, FittedSet, NextManoeuvre, NoiseScale,
     ParameterEstimate, ParameterOfSet, SlowResidual, Termination, Unknown, Verdict,

@@ -6,9 +6,9 @@ use serde::Serialize;
 use whorl_dynamics::EffectSet;
 use whorl_dynamics::plant::Tangent;
 use whorl_dynamics::platform::SensorSuite;
-use whorl_recording::{Channel, Component};
+use whorl_recording::{Channel, Component, Why};
 
-use crate::{PredictionError, Prepared, Why};
+use crate::{PredictionError, Prepared};
 
 /// Standard deviations of one reading, and of what pushes the platform that its model does not have.
 #[derive(Debug, Clone, PartialEq, Serialize)]

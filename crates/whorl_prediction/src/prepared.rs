@@ -5,13 +5,12 @@ use whorl_dynamics::plant::{LinearisedPlant, MeanInputs};
 use whorl_dynamics::{Gyrostat, InitialState, Plant, PlatformModel};
 use whorl_math::lanes::fastest_rate_1_s;
 use whorl_math::line::Line;
-use whorl_recording::{Channel, Component, Mounting, Recording, Series};
+use whorl_recording::{Channel, Component, Recording, Series, Why, counts};
 
 use crate::commands::{Commands, ns};
 use crate::driven_speeds::{DrivenSpeeds, as_driven, go_along_speeds};
 use crate::readings::{Track, cell_ends_ns, tracks};
-use crate::refusal::counts;
-use crate::{PredictionError, Settings, Why};
+use crate::{PredictionError, Settings};
 
 /// Largest integration step while something touches, or nearly does \[s\]: a twentieth of a radian of the bearing's own stop.
 const STEP_AT_CONTACTS_S: f64 = 2.5e-3;
@@ -62,7 +61,7 @@ impl<'a> Prepared<'a> {
         let given = as_driven(recording, model);
         let gyrostat = Gyrostat::new(&given)?;
         let model = gyrostat.model().clone();
-        let clamped = recording.mounting == Mounting::Clamped || !model.freedom.turns();
+        let clamped = recording.is_clamped(&model);
         let wheels = model.wheels().len();
         let tracks = tracks(recording, &model.sensors, clamped, wheels);
         let first = tracks.iter().filter_map(|track| track.instant_ns(0)).min();

@@ -10,6 +10,7 @@ mod columns;
 mod component;
 mod consistency;
 mod csv;
+mod digits;
 mod error;
 mod finding;
 mod memory;
@@ -18,10 +19,12 @@ mod notes;
 mod quality;
 mod read;
 mod recording;
+mod refusal;
 mod series;
 #[cfg(test)]
 mod tests;
 mod truth;
+mod usable;
 mod write;
 
 pub use component::Component;
@@ -29,13 +32,16 @@ pub use consistency::SeenTurns;
 pub use csv::{
     ExportedCsv, ImportedCsv, column_names, export_csv, platform_parts, read_csv, read_csv_beginning,
 };
+pub use digits::{Digits, digits_of_gyro};
 pub use error::RecordingError;
 pub use finding::Finding;
 pub use memory::{Circumstances, JetPulses, Samples, recording_of};
 pub use model::{KnownPlatform, load_effects, read_model, usual_rate_hz};
 pub use read::{ReadOptions, nothing_in, read_run, read_run_with};
 pub use recording::{Mounting, OnInterval, Recording, TrueMotion, VectorChannel};
+pub use refusal::{Needs, Refusal, Why, check, counts};
 pub use series::{ChannelSeries, Series};
 pub use truth::TruthCheck;
+pub use usable::usable_readings;
 pub use whorl_bag::{Channel, ChannelInfo, Form};
 pub use write::{RunOrigin, write_long_csv, write_run};

@@ -1,7 +1,7 @@
 //! Missing channels of a recording, what cannot be identified without them, and suspicious data, in words.
 
 use nalgebra::Vector3;
-use whorl_bag::{Channel, Form};
+use whorl_bag::Channel;
 use whorl_dynamics::effects::{Aid, Need, hard_without, untold_without};
 use whorl_dynamics::{Freedom, PlatformModel};
 use whorl_math::statistics::median;
@@ -139,29 +139,34 @@ impl Recording {
     /// # Errors
     /// [`RecordingError::OtherPlatform`] when the numbers of wheels, gyros or jets differ.
     pub fn check_fits(&self, model: &PlatformModel, model_name: &str) -> Result<(), RecordingError> {
-        let mut of_wheels =
-            self.sampled().filter(|(channel, ..)| matches!(channel.info().form, Form::Wheels { .. }));
-        let wheels = of_wheels.next().map(|(.., series)| series.numbers(0).len());
-        let jets = Some(self.jet_pulses.len()).filter(|jets| *jets > 0);
-        let mut of_gimbals =
-            self.sampled().filter(|(channel, ..)| matches!(channel.info().form, Form::Gimbals { .. }));
-        let gimbals = of_gimbals.next().map(|(.., series)| series.numbers(0).len());
-        let parts = [
-            ("wheels", wheels, model.wheels().len()),
-            ("control moment gyros", gimbals, model.gyros().len()),
-            ("jets", jets, model.jets().len()),
+        self.other_count(model).map_or(Ok(()), |(what, counted, expected)| {
+            Err(RecordingError::OtherPlatform {
+                run: self.name.clone(),
+                counted: format!("{counted} {what}"),
+                model: model_name.to_owned(),
+                expected: format!("{expected}"),
+            })
+        })
+    }
+
+    /// Wheels, control moment gyros or jets of which it has another number than the model: what, how many, and how many the model has.
+    #[must_use]
+    pub fn other_count(&self, model: &PlatformModel) -> Option<(&'static str, usize, usize)> {
+        let (wheels, gyros) = (model.wheels().len(), model.gyros().len());
+        let all = [
+            ("wheels", wheels, &self.wheel_speed_rad_s),
+            ("wheels", wheels, &self.wheel_torque_command_n_m),
+            ("wheels", wheels, &self.wheel_current_a),
+            ("control moment gyros", gyros, &self.gimbal_angle_rad),
+            ("control moment gyros", gyros, &self.gimbal_rate_rad_s),
+            ("control moment gyros", gyros, &self.gimbal_torque_n_m),
         ];
-        for (what, counted, expected) in parts {
-            if let Some(counted) = counted.filter(|counted| *counted != expected) {
-                return Err(RecordingError::OtherPlatform {
-                    run: self.name.clone(),
-                    counted: format!("{counted} {what}"),
-                    model: model_name.to_owned(),
-                    expected: format!("{expected}"),
-                });
-            }
-        }
-        Ok(())
+        let of_series = all.into_iter().find_map(|(what, expected, series)| {
+            let counted = series.value.iter().map(Vec::len).find(|counted| *counted != expected)?;
+            Some((what, counted, expected))
+        });
+        let (pulsed, jets) = (self.jet_pulses.len(), model.jets().len());
+        of_series.or((pulsed > 0 && pulsed != jets).then_some(("jets", pulsed, jets)))
     }
 
     /// One sentence for each missing channel of the platform: what cannot be identified without it.

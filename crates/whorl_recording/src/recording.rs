@@ -3,6 +3,7 @@
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 
 use whorl_bag::{Channel, Form};
+use whorl_dynamics::PlatformModel;
 
 use crate::component::Component;
 use crate::series::{ChannelSeries, Series};
@@ -201,6 +202,12 @@ impl Recording {
         let all = Channel::ALL.iter().flat_map(sensors);
         all.filter_map(|(channel, sensor)| Some((channel, sensor, self.series(channel, sensor)?)))
             .filter(|(.., series)| !series.time_s().is_empty())
+    }
+
+    /// Whether the body was held, so that only wheels moved; a model says so too of one that cannot turn.
+    #[must_use]
+    pub fn is_clamped(&self, model: &PlatformModel) -> bool {
+        self.mounting == Mounting::Clamped || !model.freedom.turns()
     }
 
     /// Whether any channel measures motion; without one, nothing can be explained.

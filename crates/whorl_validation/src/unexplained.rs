@@ -4,10 +4,9 @@ use nalgebra::{Matrix3, Vector3};
 use whorl_dynamics::{Freedom, PlatformModel};
 use whorl_math::noise::typical_step_s;
 use whorl_prediction::{
-    Disturbance, Followed, Needs, Noise, PredictionError, Prepared, Refusal, Settings, SmoothedState, Why,
-    check, follow, smoothed,
+    Disturbance, Followed, Noise, PredictionError, Prepared, Settings, SmoothedState, follow, smoothed,
 };
-use whorl_recording::Recording;
+use whorl_recording::{Needs, Recording, Refusal, Why, check};
 
 use crate::dependence::Residual;
 use crate::remarks::remarks;

@@ -5,9 +5,8 @@ use std::sync::Arc;
 
 use whorl_bag::{Channel, Form};
 use whorl_commands::runs::{RunSources, is_csv};
-use whorl_identification::usable_readings;
 use whorl_math::noise::{from_second_differences, typical_step_s};
-use whorl_recording::{KnownPlatform, Recording};
+use whorl_recording::{KnownPlatform, Recording, usable_readings};
 
 use crate::api::{AskSeries, Mark, SeriesHead, SignalRow};
 use crate::marks::{gaps, held, left_out, rests};

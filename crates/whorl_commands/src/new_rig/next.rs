@@ -4,8 +4,7 @@ use std::path::Path;
 
 use whorl_bag::CsvMap;
 use whorl_dynamics::Freedom;
-use whorl_prediction::{Needs, check};
-use whorl_recording::{KnownPlatform, Recording};
+use whorl_recording::{KnownPlatform, Needs, Recording, check};
 
 use super::lines::{Lines, Origin};
 use crate::attitudes::recorded_by;

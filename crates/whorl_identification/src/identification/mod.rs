@@ -11,16 +11,15 @@ use whorl_dynamics::mass_parameters::{
     MASS_PARAMETERS, MassCovariance, MassVector, mass_vector, prior_stddev,
 };
 use whorl_dynamics::{ModelPrior, PlatformModel};
-use whorl_prediction::{Followed, Needs, PredictionError, Refusal, Rival, Settings, Why, check, fit};
-use whorl_recording::{Finding, Recording};
+use whorl_prediction::{Followed, PredictionError, Rival, Settings, fit};
+use whorl_recording::{Finding, Needs, Recording, Refusal, Why, check};
 use whorl_validation::{Comparison, compare, prediction_error};
 
 use contact::{away_from_stop, between_touches};
 
-use crate::case::Case;
+use crate::case::{Case, usable};
 use crate::fitting::refit::{Fit, FittedParameter, Refit};
 use crate::parameter_space::Column;
-use crate::signals::readings::usable;
 use crate::{DiagnosisError, Options, Outcome};
 
 /// Mass properties show on the bearing only, and after ten seconds at the earliest.

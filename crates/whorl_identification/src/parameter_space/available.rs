@@ -6,10 +6,7 @@ use nalgebra::Vector3;
 use whorl_dynamics::effects::Need;
 use whorl_dynamics::{Effect, PlatformModel};
 use whorl_math::noise::typical_step_s;
-use whorl_recording::Recording;
-
-use crate::signals::digits::digits_of_gyro;
-use crate::signals::is_clamped;
+use whorl_recording::{Recording, digits_of_gyro};
 
 pub(crate) struct Available {
     held: Vec<Need>,
@@ -20,7 +17,7 @@ pub(crate) struct Available {
 impl Available {
     pub fn of<'r>(recordings: impl IntoIterator<Item = &'r Recording>, model: &PlatformModel) -> Self {
         let all: Vec<&Recording> = recordings.into_iter().collect();
-        let free: Vec<&&Recording> = all.iter().filter(|run| !is_clamped(run, model)).collect();
+        let free: Vec<&&Recording> = all.iter().filter(|run| !run.is_clamped(model)).collect();
         let any = |test: fn(&Recording) -> bool| all.iter().any(|run| test(run));
         let any_free = |test: fn(&Recording) -> bool| free.iter().any(|run| test(run));
         let has_wheels = !model.wheels().is_empty();

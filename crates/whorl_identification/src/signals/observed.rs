@@ -10,7 +10,6 @@ use whorl_recording::{Channel, Component, Recording};
 
 use crate::parameter_space::available::sample_s;
 use crate::selection::hypothesis::{Evaluated, Runs};
-use crate::signals::is_clamped;
 use crate::{DiagnosisError, threads};
 
 /// Time between states of a smoothed motion \[s\], and so many samples.
@@ -178,7 +177,7 @@ fn left_of<'a>(
             .then(|| Grid::of(&case, &followed.undisturbed_noise(), &followed.undisturbed.start));
         Ok(Observed {
             recording,
-            clamped: is_clamped(recording, &model),
+            clamped: recording.is_clamped(&model),
             motion: Motion::of(&case, &followed.noise, &followed.fitted.start),
             loud,
             remains: quiet.as_ref().map_or(of_loud, |(_, remains)| *remains),

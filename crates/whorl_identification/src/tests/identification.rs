@@ -3,10 +3,9 @@
 use std::ops::Range;
 
 use whorl_dynamics::{Gyrostat, ModelPrior, PlatformModel};
-use whorl_recording::Recording;
+use whorl_recording::{Recording, Refusal, Why};
 
 use super::simulation::{at_balance, record, swinging, wrong_model};
-use whorl_prediction::{Refusal, Why};
 
 use whorl_dynamics::mass_parameters::{MASS_PARAMETERS, NAMES, mass_vector};
 

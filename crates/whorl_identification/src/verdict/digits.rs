@@ -2,10 +2,8 @@
 
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::{Signature, catalogue};
-use whorl_recording::Recording;
+use whorl_recording::{Digits, Recording, digits_of_gyro};
 
-use crate::signals::digits::{Digits, digits_of_gyro};
-use crate::signals::is_clamped;
 use crate::verdict::diagnosis::{Candidate, ParameterEstimate};
 
 /// Clipping and coarse steps of the gyro beyond what the model has, which the readings themselves show.
@@ -20,7 +18,7 @@ pub(crate) fn row(
     })?;
     let errors = &model.sensors.gyro.errors;
     let of = |runs: &[Recording]| -> Vec<Digits> {
-        runs.iter().filter(|run| !is_clamped(run, model)).map(|run| digits_of_gyro(run, model)).collect()
+        runs.iter().filter(|run| !run.is_clamped(model)).map(|run| digits_of_gyro(run, model)).collect()
     };
     let digits = of(training);
     let clips_at = digits.iter().filter_map(|of_run| of_run.clips_at_rad_s);

@@ -11,11 +11,9 @@ use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::{Aid, Need, hard_without, untold_without};
 use whorl_recording::Recording;
 
-use crate::signals::is_clamped;
-
 /// Consequences of what a recording does not hold, one sentence each.
 pub(crate) fn missing_channels(recording: &Recording, model: &PlatformModel) -> Vec<String> {
-    let free = !is_clamped(recording, model);
+    let free = !recording.is_clamped(model);
     let (has_wheels, has_gyros) = (!model.wheels().is_empty(), !model.gyros().is_empty());
     let has_actuators = has_wheels || has_gyros || !model.jets().is_empty();
     let no_force = free && recording.specific_force_b_m_s2.is_empty();

@@ -4,6 +4,5 @@ mod differences;
 #[allow(dead_code, reason = "tests of other crates use the rest")]
 pub mod generator;
 mod recursive;
-mod refusals;
 mod stop;
 mod supplies;

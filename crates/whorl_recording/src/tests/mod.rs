@@ -5,11 +5,14 @@ mod bad_runs;
 mod contradictions;
 mod csv;
 mod damages;
+mod digits;
 mod foreign_bags;
 mod memory;
+mod refusals;
 mod robot_bags;
 mod round_trip;
 mod simulated_run;
+mod usable;
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;

@@ -9,10 +9,8 @@ use nalgebra::Vector3;
 use thiserror::Error;
 use whorl_dynamics::{Environment, Gyrostat, PlatformModel};
 use whorl_estimation::sequential::{AveragedSample, CONTACT_LASTS_S, Direction, Surroundings, touches};
-use whorl_identification::usable_readings;
 use whorl_math::unit_or;
-use whorl_prediction::{Needs, Refusal, Why, check};
-use whorl_recording::{OnInterval, Recording, Series};
+use whorl_recording::{Needs, OnInterval, Recording, Refusal, Series, Why, check, usable_readings};
 
 use self::wheels::WheelHistory;
 

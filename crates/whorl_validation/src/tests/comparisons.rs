@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use super::compare;
 use super::generator::{Manoeuvre, platform, record};
 use crate::Comparison;
-use whorl_prediction::{PredictionError, Refusal, Why};
+use whorl_prediction::PredictionError;
+use whorl_recording::{Refusal, Why};
 
 #[test]
 fn the_right_model_leaves_noise() {

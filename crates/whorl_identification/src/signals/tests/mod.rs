@@ -1,3 +1,1 @@
-mod digits;
-mod readings;
 mod seen;

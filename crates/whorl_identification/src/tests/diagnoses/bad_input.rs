@@ -2,8 +2,7 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::{MassProperties, ModelPrior, PlatformModel};
-use whorl_prediction::{Refusal, Why};
-use whorl_recording::{Recording, Series};
+use whorl_recording::{Recording, Refusal, Series, Why};
 
 use super::generator::record;
 use crate::{DiagnosisError, Options, diagnose};

@@ -2,15 +2,17 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
-use whorl_recording::Recording;
+
+use crate::recording::Recording;
 
 /// How far a reading may be from a whole multiple of a step, in steps.
 const OFF_GRID: f64 = 0.02;
 /// How far readings at the end of a range may be apart, as a share of it.
-pub(super) const AT_END: f64 = 1e-9;
+pub(crate) const AT_END: f64 = 1e-9;
 
+/// Where the readings of a run pile up, and their steps.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Digits {
+pub struct Digits {
     /// Where readings pile up at their largest [rad/s].
     pub clips_at_rad_s: Option<f64>,
     /// Log evidence of that: noise hardly repeats its largest value.
@@ -21,7 +23,9 @@ pub(crate) struct Digits {
     pub step_nats: f64,
 }
 
-pub(crate) fn digits_of_gyro(recording: &Recording, model: &PlatformModel) -> Digits {
+/// What a run shows of them, beside the noise of its model.
+#[must_use]
+pub fn digits_of_gyro(recording: &Recording, model: &PlatformModel) -> Digits {
     let values = &recording.gyro_b_rad_s.value;
     let largest = values.iter().map(Vector3::amax).fold(0.0, f64::max);
     let from = |least: f64| values.iter().filter(|v| v.amax() >= least).count();

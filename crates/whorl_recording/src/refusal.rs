@@ -3,8 +3,9 @@
 use nalgebra::Vector3;
 use thiserror::Error;
 use whorl_dynamics::platform::TiltLimit;
-use whorl_dynamics::{Freedom, GyrostatError, PlantError, PlatformModel};
-use whorl_recording::{Mounting, Recording};
+use whorl_dynamics::{Freedom, GyrostatError, PlatformModel};
+
+use crate::recording::Recording;
 
 const FEWEST_SAMPLES: usize = 50;
 /// RMS rate that no platform on a bearing reaches [rad/s], and the limit of any rig as a multiple of the gyro's range.
@@ -60,7 +61,9 @@ pub enum Why {
 }
 
 impl Why {
-    pub(crate) fn of(self, recording: &Recording) -> Refusal {
+    /// Of a recording.
+    #[must_use]
+    pub fn of(self, recording: &Recording) -> Refusal {
         Refusal { run: recording.name.clone(), why: self }
     }
 }
@@ -81,7 +84,7 @@ pub struct Needs {
 /// # Errors
 /// With a sentence that gives advice.
 pub fn check(recording: &Recording, model: &PlatformModel, needs: &Needs) -> Result<(), Refusal> {
-    let clamped = recording.mounting == Mounting::Clamped || !model.freedom.turns();
+    let clamped = recording.is_clamped(model);
     needed(recording, model, needs, clamped)
         .and_then(|()| counts(recording, model))
         .and_then(|()| if clamped { Ok(()) } else { gyro(recording, model) })
@@ -135,22 +138,13 @@ fn needed(recording: &Recording, model: &PlatformModel, needs: &Needs, clamped: 
     refuse(times.len() < FEWEST_SAMPLES, || Why::TooFew(channel, times.len(), FEWEST_SAMPLES))
 }
 
-/// Refuses recordings of another number of wheels, gyros or jets than the model's.
-pub(crate) fn counts(recording: &Recording, model: &PlatformModel) -> Result<(), Why> {
-    let (wheels, gyros, jets) = (model.wheels().len(), model.gyros().len(), model.jets().len());
-    let series = [
-        ("wheels", wheels, &recording.wheel_speed_rad_s),
-        ("wheels", wheels, &recording.wheel_torque_command_n_m),
-        ("control moment gyros", gyros, &recording.gimbal_angle_rad),
-        ("control moment gyros", gyros, &recording.gimbal_rate_rad_s),
-        ("control moment gyros", gyros, &recording.gimbal_torque_n_m),
-    ];
-    for (what, expected, series) in series {
-        let other = series.value.iter().map(Vec::len).find(|given| *given != expected);
-        other.map_or(Ok(()), |given| Err(Why::Count(what, given, expected)))?;
-    }
-    let pulsed = recording.jet_pulses.len();
-    refuse(pulsed > 0 && pulsed != jets, || Why::Count("jets", pulsed, jets))?;
+/// Refuses recordings of another number of wheels, gyros or jets than the model's, and a model whose actuators are impossible.
+///
+/// # Errors
+/// [`Why::Count`], [`Why::Model`].
+pub fn counts(recording: &Recording, model: &PlatformModel) -> Result<(), Why> {
+    let other = recording.other_count(model);
+    other.map_or(Ok(()), |(what, given, expected)| Err(Why::Count(what, given, expected)))?;
     Ok(model.actuators.check().map_err(GyrostatError::from)?)
 }
 
@@ -195,23 +189,4 @@ fn accelerometer(recording: &Recording, model: &PlatformModel) -> Result<(), Why
         );
         Why::Unusable(what, "check the order and the signs of its axes (specific force points up at rest)")
     })
-}
-
-/// Why a recording cannot be predicted.
-#[derive(Debug, Clone, PartialEq, Error)]
-pub enum PredictionError {
-    /// The model cannot be simulated.
-    #[error("the model cannot be simulated: {0}")]
-    Model(#[from] GyrostatError),
-    /// The plant refused its start.
-    #[error("the model cannot be simulated: {0}")]
-    Plant(#[from] PlantError),
-    /// The recording is of another platform, or shows nothing of it.
-    #[error(transparent)]
-    Refused(#[from] Refusal),
-    /// No platform has the parameters with which a fit was to begin, or any close by.
-    #[error(
-        "no platform has the parameters with which the fit begins: a mass or an inertia that no body has"
-    )]
-    NoModel,
 }

@@ -1,15 +1,35 @@
 //! Recordings that cannot be used are refused with a sentence that helps.
 
 use nalgebra::Vector3;
-use whorl_recording::{Mounting, Recording};
+use whorl_dynamics::PlatformModel;
 
-use super::generator::{Manoeuvre, platform, record};
-use crate::{Needs, Refusal, Why, check};
+use super::whorl_1;
+use crate::{Mounting, Needs, Recording, Refusal, Series, Why, check};
 
 const NEEDS: Needs = Needs { shortest_s: 5.0, free: false, accelerometer: false };
 
+fn platform() -> PlatformModel {
+    whorl_1().model
+}
+
+/// Eight seconds of a platform that stands upright and nods a little, with sensors that are never quite still.
 fn good() -> Recording {
-    record(&platform(), &Manoeuvre { duration_s: 8.0, ..Manoeuvre::default() })
+    let model = platform();
+    let time_s: Vec<f64> = (0..800).map(|k| f64::from(k) * 0.01).collect();
+    let of = |value: fn(f64) -> Vector3<f64>| Series {
+        value: time_s.iter().map(|t| value(*t)).collect(),
+        time_s: time_s.clone(),
+    };
+    let wheels =
+        |x: f64| Series { value: vec![vec![x; model.wheels().len()]; time_s.len()], time_s: time_s.clone() };
+    Recording {
+        gyro_b_rad_s: of(|t| 0.05 * Vector3::new((3.0 * t).sin(), (2.0 * t).cos(), t.sin())),
+        specific_force_b_m_s2: of(|t| Vector3::new(0.1 * (3.0 * t).cos(), 0.1 * t.sin(), 9.81)),
+        wheel_speed_rad_s: wheels(10.0),
+        wheel_torque_command_n_m: wheels(0.01),
+        jet_pulses: vec![Vec::new(); model.jets().len()],
+        ..Recording::default()
+    }
 }
 
 fn refused(change: impl Fn(&mut Recording)) -> Refusal {

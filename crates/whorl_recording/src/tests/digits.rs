@@ -1,12 +1,10 @@
+use nalgebra::Vector3;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
-use whorl_recording::Series;
-
-use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
-use whorl_recording::Recording;
 
-use crate::signals::digits::*;
+use crate::digits::*;
+use crate::{Recording, Series};
 
 /// Readings on a grid of their own are no chance, and each says so as much as it is unlikely; of others nothing is said.
 #[test]

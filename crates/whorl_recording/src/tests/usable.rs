@@ -1,6 +1,6 @@
 use nalgebra::Vector3;
 
-use crate::signals::readings::*;
+use crate::usable::*;
 
 fn noisy(n: usize) -> Vec<Vector3<f64>> {
     // A linear congruential generator serves: only scatter is wanted.

@@ -6,15 +6,15 @@ use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
 use whorl_math::noise::{samples_together, second_differences, typical_step_s};
 use whorl_math::statistics::median;
-use whorl_recording::{ChannelSeries, Recording, Series};
 
-use crate::signals::digits::{AT_END, digits_of_gyro};
-use crate::signals::is_clamped;
+use crate::digits::{AT_END, digits_of_gyro};
+use crate::recording::Recording;
+use crate::series::{ChannelSeries, Series};
 
 /// Share of a sensor's range from which a sample counts as clipped.
 const CLIPPED: f64 = 0.999;
 /// So often must three readings in a row be the largest of all to show an end of the range, ...
-pub(super) const PLATEAU_SAMPLES: usize = 5;
+pub(crate) const PLATEAU_SAMPLES: usize = 5;
 /// ... in a signal whose noise is at least this share of it (a noiseless one may well stay constant).
 const NOISY: f64 = 3e-4;
 /// A reading stands out when both neighbours are further away than so many median second differences, 16 deviations of white noise, ...
@@ -26,9 +26,10 @@ const LARGEST_SHARE: f64 = 0.01;
 
 /// A recording without readings that say nothing of the motion, and what was left out, in sentences. Of a body that is held gyro and accelerometer
 /// all say the same, and nothing of theirs is left out.
+#[must_use]
 pub fn usable_readings<'a>(run: &'a Recording, model: &PlatformModel) -> (Cow<'a, Recording>, Vec<String>) {
     let (mut usable, name, mut remarks) = (run.clone(), &run.name, Vec::new());
-    if !is_clamped(run, model) {
+    if !run.is_clamped(model) {
         let sensors = &model.sensors;
         let piles_up_at = digits_of_gyro(run, model).clips_at_rad_s.unwrap_or(f64::INFINITY);
         let of_gyro = (CLIPPED * sensors.gyro.errors.range).min(piles_up_at * (1.0 - AT_END));
@@ -53,11 +54,6 @@ pub fn usable_readings<'a>(run: &'a Recording, model: &PlatformModel) -> (Cow<'a
     }
     thin(&mut usable.wheel_speed_rad_s, "wheel speed", name, &mut remarks);
     (if remarks.is_empty() { Cow::Borrowed(run) } else { Cow::Owned(usable) }, remarks)
-}
-
-pub(crate) fn usable(recordings: &[Recording], model: &PlatformModel) -> (Vec<Recording>, Vec<String>) {
-    let (kept, remarks): (Vec<_>, Vec<_>) = recordings.iter().map(|run| usable_readings(run, model)).unzip();
-    (kept.into_iter().map(Cow::into_owned).collect(), remarks.concat())
 }
 
 /// Of a series that its maker smoothed keeps one sample in so many: taken as independent, all of them would claim to know what none does.
@@ -88,7 +84,7 @@ fn keep<T>(series: &mut Series<T>, is_kept: impl Fn(usize) -> bool) -> usize {
 }
 
 /// Which readings are within the sensor's range: below `end`, and within the ends that the readings show.
-pub(super) fn within(values: &[Vector3<f64>], end: f64) -> Vec<bool> {
+pub(crate) fn within(values: &[Vector3<f64>], end: f64) -> Vec<bool> {
     let ends = [0, 1, 2].map(|axis| ends(values, axis));
     let is_between = |(x, (low, high)): (&f64, (f64, f64))| low < *x && *x < high;
     values.iter().map(|v| v.amax() < end && v.iter().zip(ends).all(is_between)).collect()
@@ -96,7 +92,7 @@ pub(super) fn within(values: &[Vector3<f64>], end: f64) -> Vec<bool> {
 
 /// Ends of an axis's range where the readings themselves show one: a noisy signal that stays at its largest or smallest
 /// value exactly, again and again, is clipped, whatever the model says of the range. Infinite where nothing shows.
-pub(super) fn ends(values: &[Vector3<f64>], axis: usize) -> (f64, f64) {
+pub(crate) fn ends(values: &[Vector3<f64>], axis: usize) -> (f64, f64) {
     let x: Vec<f64> = values.iter().map(|v| v[axis]).collect();
     let noise = typical_bend(&x);
     let end = |sign: f64| {
@@ -112,7 +108,7 @@ pub(super) fn ends(values: &[Vector3<f64>], axis: usize) -> (f64, f64) {
 }
 
 /// Which readings do not stand out from both neighbours; all where many do.
-pub(super) fn ordinary(values: &[Vector3<f64>]) -> Vec<bool> {
+pub(crate) fn ordinary(values: &[Vector3<f64>]) -> Vec<bool> {
     let mut ordinary = vec![true; values.len()];
     for axis in 0..3 {
         let x: Vec<f64> = values.iter().map(|v| v[axis]).collect();
