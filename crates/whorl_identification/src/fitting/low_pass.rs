@@ -5,10 +5,11 @@
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::Need;
 use whorl_dynamics::platform::TriaxialErrors;
-use whorl_prediction::{Fitted, Rival, Settings};
+use whorl_prediction::{Rival, Settings, hints, longest_cell_s};
 use whorl_recording::Recording;
 
 use crate::DiagnosisError;
+use crate::fitting::normal_equations::{Estimate, Normal};
 use crate::fitting::refit::Refit;
 use crate::parameter_space::Reference;
 use crate::parameter_space::available::Available;
@@ -32,28 +33,32 @@ pub(crate) fn take_those_that_delay(
     let end_s = |run: &Recording| run.gyro_b_rad_s.time_s.first().unwrap_or(&0.0) + LONGEST_S;
     let beginning = |run| stretch(run, f64::NEG_INFINITY, end_s(run));
     let parts: Vec<Recording> = training.iter().map(beginning).collect();
-    let doubt = reference.settings.doubt_nats;
-    let settings = Settings {
-        threads,
-        fit_stands_nats: reference.settings.unfinished_nats,
-        // Its time is that of a few readings.
-        cell_s: 0.0,
-        ..reference.settings.prediction
-    };
-    // A model with these errors, its values and how likely they are.
-    let fitted = |errors: [TriaxialErrors; 2], start: &[f64], rival: Rival<'_>| {
+    let prediction = Settings { threads, ..reference.settings.prediction };
+    let fit_stands_nats = reference.settings.unfinished_nats;
+    let cell_s = longest_cell_s(&parts, &reference.model, &prediction)?;
+    let by_cells = Settings { fit_stands_nats, cell_s, ..prediction };
+    let own = Refit::own(reference, available);
+    let start = vec![0.0; own.columns.len()];
+    let found = own.likeliest(&parts, &[start], Rival::NONE, &by_cells);
+    let Some(as_stated) = DiagnosisError::possible(found)? else { return Ok(()) };
+    // A filter's time is that of a few readings.
+    let by_readings = Settings { cell_s: 0.0, ..prediction };
+    // How likely a model with other errors is where its values are likeliest, by a parabola about those of the stated ones, whose noise it has.
+    let log_with = |errors: [TriaxialErrors; 2]| -> Result<f64, DiagnosisError> {
         let mut tried = reference.clone();
         [tried.model.sensors.gyro.errors, tried.model.sensors.accelerometer.errors] = errors;
-        let found = Refit::own(&tried, available).likeliest(&parts, &[start.to_vec()], rival, &settings);
-        Ok::<_, DiagnosisError>(DiagnosisError::possible(found)?.map(|found| (tried.model, found)))
+        let refit = Refit::own(&tried, available);
+        let (parameters, model_at) = (refit.parameters(), |units: &[f64]| refit.model_at(units));
+        let (at, followed) = (&as_stated.at, &as_stated.followed);
+        let found = hints(&parts, &parameters, &model_at, at, followed, &[], &by_readings)?;
+        let normal = Normal::about(&found, at, &parameters);
+        let all: Vec<usize> = (0..at.len()).collect();
+        let top = Estimate::new(&normal, &all, |i| parameters[i].stddev.powi(2));
+        let log: f64 = found.iter().map(|of_run| of_run.log_likelihood).sum();
+        Ok(log + top.map_or(f64::NEG_INFINITY, |top| 0.5 * top.drop))
     };
-    let start = vec![0.0; Refit::own(reference, available).columns.len()];
-    let Some((_, as_stated)) = fitted(given, &start, Rival::NONE)? else { return Ok(()) };
-    let mut best: Option<(PlatformModel, Fitted)> = None;
-    let likelier = |errors: [TriaxialErrors; 2], start: &[f64], than: f64| {
-        let rival = Rival { followed: &as_stated.followed, log_posterior_needed: than };
-        Ok::<_, DiagnosisError>(fitted(errors, start, rival)?.filter(|(_, found)| found.log_posterior > than))
-    };
+    let doubt = reference.settings.doubt_nats;
+    let mut best = (log_with(given)? + doubt, given);
     // Each that is stated, and all of them, as means over a window;
     let both = vec![[true, true], [false, true], [true, false]];
     for changed in if is_stated == [true; 2] { both } else { vec![is_stated] } {
@@ -62,15 +67,18 @@ pub(crate) fn take_those_that_delay(
             errors.averaging_window_s = 2.0 * errors.time_constant_s;
             errors.time_constant_s = 0.0;
         }
-        let than = best.as_ref().map_or(as_stated.log_posterior + doubt, |(_, best)| best.log_posterior);
-        best = likelier(errors, &as_stated.at, than)?.or(best);
+        let log = log_with(errors)?;
+        best = if log > best.0 { (log, errors) } else { best };
+    }
+    if best.1 == given {
+        return Ok(());
     }
     // and the likeliest of these over no window but the stated one.
-    let Some((model, found)) = best else { return Ok(()) };
-    let mut errors = inertial_errors(&model);
-    errors.iter_mut().zip(given).for_each(|(own, given)| own.averaging_window_s = given.averaging_window_s);
-    let without = likelier(errors, &found.at, found.log_posterior + doubt)?;
-    reference.model = without.map_or(model, |(without, _)| without);
+    let mut without = best.1;
+    without.iter_mut().zip(given).for_each(|(own, given)| own.averaging_window_s = given.averaging_window_s);
+    let is_better = log_with(without)? > best.0 + doubt;
+    let sensors = &mut reference.model.sensors;
+    [sensors.gyro.errors, sensors.accelerometer.errors] = if is_better { without } else { best.1 };
     Ok(())
 }
 
