@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use whorl_math::lanes::{BLOCK, Gain, Gram, Lanes, Sparse};
 
 use crate::noise::Layout;
+use crate::rows::Readings;
 
 /// Columns of a filter's estimate: those of its state at the beginning, then others, which begin with nothing.
 pub(crate) struct Blocks {
@@ -15,6 +16,9 @@ pub(crate) struct Blocks {
     /// Sum of d d^T / S over all innovations e with d = de/dtheta: the information on the parameters.
     information: Gram,
     slope: DVector<f64>,
+    /// Whether readings are means over a time in which columns are pushed, and how long that is so far \[s\].
+    pub of_cells: bool,
+    cell_s: f64,
     /// d / sqrt(S) of all innovations one after the other, if they are kept.
     pub design: Option<Vec<f32>>,
 }
@@ -26,6 +30,8 @@ struct Block {
     /// What is added over half of a step, to coordinates of the plant; all zeros: nothing.
     half: Lanes,
     is_pushed: bool,
+    /// What was added since the readings before, if anybody asks.
+    pushed: Lanes,
     /// Of the innovations of the present instant, a row each.
     d: Lanes,
 }
@@ -38,14 +44,14 @@ impl Blocks {
         let count = states + parameters + laws;
         // One row of few columns, or blocks of many.
         let (blocks, least) = if count < BLOCK { (1, count.max(1)) } else { (count.div_ceil(BLOCK), BLOCK) };
-        let [of_state, half, d] = [size, plant, 0].map(|rows| Lanes::zeros(rows, least));
+        let [of_state, half, pushed, d] = [size, plant, plant, 0].map(|rows| Lanes::zeros(rows, least));
         let width = of_state.width();
-        let mut blocks = vec![Block { of_state, half, is_pushed: false, d }; blocks];
+        let mut blocks = vec![Block { of_state, half, is_pushed: false, pushed, d }; blocks];
         for i in 0..states {
             blocks[i / width].of_state.row_mut(i)[i % width] = 1.0;
         }
         let (information, slope) = (Gram::new(states + parameters, laws, apart), DVector::zeros(count));
-        Self { states, plant, width, blocks, information, slope, design: None }
+        Self { states, plant, width, blocks, information, slope, of_cells: false, cell_s: 0.0, design: None }
     }
 
     pub fn count(&self) -> usize {
@@ -83,8 +89,9 @@ impl Blocks {
         block.half.row_mut(coordinate)[column % self.width] += half;
     }
 
-    pub fn carry(&mut self, transition: &Sparse) {
-        for Block { of_state, half, is_pushed, .. } in &mut self.blocks {
+    pub fn carry(&mut self, transition: &Sparse, step_s: f64) {
+        self.cell_s += step_s;
+        for Block { of_state, half, is_pushed, pushed, .. } in &mut self.blocks {
             if *is_pushed {
                 of_state.add(half);
             }
@@ -92,7 +99,36 @@ impl Blocks {
             if *is_pushed {
                 of_state.add(half);
             }
+            if *is_pushed && self.of_cells {
+                pushed.add(half);
+                pushed.add(half);
+            }
         }
+    }
+
+    /// Adds to what was added to a column since the readings before.
+    #[inline(always)]
+    pub fn add_pushed(&mut self, column: usize, coordinate: usize, by: f64) {
+        self.blocks[column / self.width].pushed.row_mut(coordinate)[column % self.width] += by;
+    }
+
+    /// Readings that came before the present instant on average have seen so much less of what was added meanwhile.
+    pub fn set_back(&mut self, readings: &Readings) {
+        if !self.of_cells {
+            return;
+        }
+        for Block { pushed, d, .. } in &mut self.blocks {
+            for (r, row) in readings.rows.iter().enumerate().filter(|(_, row)| row.lag_s > 0.0) {
+                let share = row.lag_s / self.cell_s.max(row.lag_s);
+                let of_plant = readings.by_state.row(r).iter().filter(|(i, _)| *i < self.plant);
+                for (i, x) in of_plant {
+                    let (by, pushed) = (share * x, pushed.row(*i));
+                    d.row_mut(r).iter_mut().zip(pushed).for_each(|(d, pushed)| *d += by * pushed);
+                }
+            }
+            pushed.clear(self.plant);
+        }
+        self.cell_s = 0.0;
     }
 
     pub fn level(&mut self, axis: &Vector3<f64>) {

@@ -1,23 +1,23 @@
 //! How the estimates and innovations of a filter change with its state at an earlier instant and with the parameters of its model, through
 //! the same gains (METHOD.md, "Sensitivities").
 
-use whorl_dynamics::plant::{Acts, LinearisedPlant, Plant, ROTATION};
+use whorl_dynamics::plant::{Acts, LinearisedPlant, MeanInputs, Plant, RATE, ROTATION};
 use whorl_math::lanes::{MOST_STATES, dot};
 use whorl_recording::Channel;
 
 use crate::blocks::Blocks;
+use crate::commands::Inputs;
 use crate::gains::Gains;
 use crate::innovations::Mean;
 use crate::other::{Does, Other};
 use crate::perturbed::Differs;
 use crate::rows::Readings;
+use crate::within::Responses;
 use crate::{Laws, Layout, PredictionError, Prepared, Push, Varied};
 
-/// Steps up to this share of the time of the fastest motion may be taken with what a parameter does at their start: the motion turns
-/// what it does by as many radians meanwhile.
-const SHORT_STEP: f64 = 0.05;
-/// The same with what it does in their middle: by the midpoint rule a twenty-fourth of its square is lost, a hundredth.
-const LONG_STEP: f64 = 0.5;
+/// Steps up to this share of the time of the fastest motion may be taken with what a parameter does in their middle, where inputs are their means: the
+/// motion turns what it does by as many radians meanwhile, of which the midpoint rule loses a twenty-fourth of the square, a hundredth.
+const LONGEST_STEP: f64 = 0.5;
 
 /// Columns of sensitivities: those of the state at the beginning, one for each parameter, then one for the size of each law.
 pub(crate) struct Columns<'a> {
@@ -26,10 +26,14 @@ pub(crate) struct Columns<'a> {
     /// What laws do over the present step; room for what they do at its end.
     pushes: Vec<Push>,
     now: Vec<Push>,
-    /// The filter's own model, which takes the steps that the others take, and how it acts over the present step, if nothing comes within it; with how it
-    /// acts at its end, or room for that.
+    /// The filter's own model: as it acts over the present step, with how it acts at its end, or room for that; and as it makes the step beside others.
     own: Option<(Other<'a>, Acts)>,
-    is_steady: bool,
+    stepping: Option<Other<'a>>,
+    /// The mean inputs under which those act that need not make the present step; none: all make it.
+    inputs: Option<MeanInputs>,
+    /// By how much more inputs come in the first half of the step than in the second, in mean inputs; what inputs do to each column.
+    early: Option<Inputs>,
+    pub responses: Responses,
     step_s: f64,
     pub blocks: Blocks,
     /// Columns that took a step of their own, one after the other.
@@ -50,10 +54,13 @@ impl<'a> Columns<'a> {
         let others = others.collect::<Result<Vec<_>, _>>()?;
         let mut columns = Self::of_state(layout, of_start, varied.len(), laws);
         if !others.is_empty() || laws.is_some() {
-            let mut own = Other::new(case, &case.given, 1.0)?;
-            own.plant = own.plant.for_differences(others.iter().any(|other| other.behind.is_some()));
+            let mut stepping = Other::new(case, &case.given, 1.0)?;
+            stepping.plant =
+                stepping.plant.for_differences(others.iter().any(|other| other.behind.is_some()));
+            let own = Other::new(case, &case.given, 1.0)?;
             let at_end = own.acts.clone();
-            columns.own = Some((own, at_end));
+            columns.blocks.of_cells = !case.cell_ends_ns.is_empty();
+            (columns.own, columns.stepping) = (Some((own, at_end)), Some(stepping));
         }
         columns.others = others;
         Ok(columns)
@@ -68,7 +75,10 @@ impl<'a> Columns<'a> {
             pushes: Vec::new(),
             now: Vec::new(),
             own: None,
-            is_steady: false,
+            stepping: None,
+            inputs: None,
+            early: None,
+            responses: Responses::default(),
             step_s: 0.0,
             blocks: Blocks::new(layout, of_start, varied, count, apart),
             stepped: Vec::new(),
@@ -76,32 +86,37 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// Before a step that ends at an instant, on the way to that of the next readings: how every varied model acts in the filter's state, or where more happens within the step
-    /// than that shows, the model in the state that the filter would have with it.
+    /// Before a step that ends at an instant, on the way to that of the next readings: how every varied model acts in the filter's state under the step's mean
+    /// inputs, or where more happens within the step than that shows, the model in the state that the filter would have with it.
     pub fn set_out(&mut self, mean: &Mean<'_>, end_ns: i64, instant_ns: i64) {
         let (case, plant) = (mean.case, &mean.plant);
         let (n, first) = (mean.layout.plant.size(), self.blocks.states);
-        let Self { others, laws, pushes, own, blocks, stepped, .. } = self;
-        let Some((own, at_middle)) = own else { return };
-        own.plant.take_motion_of(plant, &[]);
+        let Self { others, laws, pushes, own, stepping, blocks, stepped, responses, .. } = self;
+        let Some(((own, at_middle), stepping)) = own.as_mut().zip(stepping.as_mut()) else { return };
+        responses.ask(case, plant, (own, others), *laws, mean.event);
         let step_s = (end_ns - plant.now_ns()) as f64 * 1e-9;
-        let radians = step_s * case.fastest_1_s;
-        let is_steady = own.is_steady_until(case, end_ns);
-        // Gimbals turn within steps, and everything with them: all models make the step.
-        let has_gimbals = !plant.gyrostat().model().gyros().is_empty();
-        let is_simple = radians <= LONG_STEP && is_steady;
-        (self.step_s, self.is_steady) = (step_s, is_simple);
-        // Where inputs change within a short step a torque is what it is under their means.
-        let over = (radians <= SHORT_STEP && !is_steady && !has_gimbals)
-            .then(|| case.commands.mean_between(plant.now_ns() as f64 * 1e-9, end_ns as f64 * 1e-9));
-        let is_long = is_simple && radians > SHORT_STEP && !has_gimbals;
-        if is_long {
+        // Gimbals turn within steps, and thrust that lags, and everything with them: all models make the step.
+        let of = plant.gyrostat();
+        let is_simple = step_s * case.fastest_1_s <= LONGEST_STEP
+            && of.model().gyros().is_empty()
+            && of.thrust_lag().is_none();
+        self.step_s = step_s;
+        own.stand_in_for(plant, &[], mean.event, instant_ns);
+        own.hear(case);
+        let moments = is_simple.then(|| own.inputs_until(case, end_ns));
+        self.inputs = moments.map(|[mean, _]| mean);
+        self.early = moments.filter(|[mean, early]| mean != early).map(|[mean, early]| {
+            let (mean, early) = (mean.numbers(), early.numbers());
+            std::array::from_fn(|i| early[i] - mean[i])
+        });
+        let mut may_stick = false;
+        if let Some(inputs) = &self.inputs {
+            own.plant.drive_by(inputs);
             own.plant.act_into(at_middle);
+            may_stick = comes_to_rest(plant, at_middle, step_s);
             let mut half = rates_of(at_middle, plant);
             half.iter_mut().for_each(|x| *x *= 0.5 * step_s);
             own.plant.change_state(&half[..n]);
-        }
-        if is_simple {
             own.plant.act_into(&mut own.acts);
         }
         if let Some(laws) = laws {
@@ -109,13 +124,11 @@ impl<'a> Columns<'a> {
         }
         let jets_rest = is_simple && own.plant.jets_rest();
         // The bearing's own stop is as stiff as the body is heavy: while it touches, inertia is no torque alone.
-        let is_free = (is_simple || over.is_some()) && !plant.touching()[0];
+        let is_free = is_simple && !plant.touching()[0];
         let any_torque = is_free && others.iter().any(|other| other.differs == Differs::InTorque);
-        let environment = any_torque.then(|| match &over {
-            Some(over) => own.plant.environment_over(over),
-            None => own.plant.environment(),
-        });
+        let environment = any_torque.then(|| own.plant.environment());
         let wheels = plant.tangent().wheels().len();
+        let mut any_steps = false;
         for (k, other) in others.iter_mut().enumerate() {
             other.does = Does::TheSame;
             if other.differs == Differs::InReadings {
@@ -125,12 +138,17 @@ impl<'a> Columns<'a> {
                 other.push(environment, wheels);
                 continue;
             }
-            if is_simple && !matches!(other.differs, Differs::WithinSteps | Differs::InTorque) {
-                if jets_rest && other.differs == Differs::InJets && other.is_steady_until(case, end_ns) {
+            if let Some(inputs) = &self.inputs
+                && !matches!(other.differs, Differs::WithinSteps | Differs::InTorque)
+            {
+                if jets_rest && other.differs == Differs::InJets {
                     continue;
                 }
-                other.take_motion_of(&own.plant, &[], instant_ns);
-                if other.is_steady_until(case, end_ns) && other.plant.holds_wheels_of(&own.plant) {
+                if !may_stick {
+                    // Everything else that drives it is as it drives the filter's model.
+                    other.stand_in_for(&own.plant, &[], mean.event, instant_ns);
+                    let told = other.is_told_otherwise().then(|| other.inputs_until(case, end_ns));
+                    other.plant.drive_by(told.as_ref().map_or(inputs, |[mean, _]| mean));
                     other.plant.act_into(&mut other.acts);
                     other.does = Does::Act;
                     continue;
@@ -138,15 +156,14 @@ impl<'a> Columns<'a> {
             }
             stepped.clear();
             stepped.extend((0..n).map(|i| blocks.at(i, first + k) * other.step));
-            if other.differs == Differs::InTorque {
-                other.stand_in_for(plant, stepped, mean.event);
-            } else {
-                other.take_motion_of(plant, stepped, instant_ns);
+            other.stand_in_for(plant, stepped, mean.event, instant_ns);
+            if other.differs != Differs::WithinSteps {
+                other.plant.add_gas_kg(stepping.plant.gas_kg() - own.plant.gas_kg());
             }
-            other.does = Does::Step;
+            (other.does, any_steps) = (Does::Step, true);
         }
-        if is_long {
-            own.plant.take_motion_of(plant, &[]);
+        if any_steps {
+            stepping.stand_in_for(plant, &[], mean.event, instant_ns);
         }
     }
 
@@ -154,11 +171,22 @@ impl<'a> Columns<'a> {
     pub fn follow(&mut self, case: &Prepared<'_>, plant: &Plant, gains: &Gains) -> bool {
         let (transition, linearised) = (&gains.step.transition, &gains.linearised);
         let (first, n) = (self.blocks.states, plant.tangent().size());
-        let Self { others, own, blocks, stepped, step_s, .. } = self;
+        let Self { others, own, stepping, blocks, stepped, step_s, early, responses, .. } = self;
         stepped.clear();
-        if let Some((own, _)) = own {
-            if !own.run_to(case, plant.now_ns()) {
+        if let Some(((own, _), stepping)) = own.as_mut().zip(stepping.as_mut()) {
+            let any_steps = others.iter().any(|other| other.does == Does::Step);
+            if any_steps && !stepping.run_to(case, plant.now_ns()) {
                 return false;
+            }
+            // Where gimbals turn it stands in for nobody and goes its own way.
+            if own.differs == Differs::WithinSteps && !own.run_to(case, plant.now_ns()) {
+                return false;
+            }
+            // How much gas is left differs by what a parameter does, and not by how a step was made.
+            if self.inputs.is_some() {
+                own.plant.wait_until(plant.now_ns(), &own.acts);
+            } else if own.differs != Differs::WithinSteps {
+                own.plant.add_gas_kg(stepping.plant.gas_kg() - own.plant.gas_kg());
             }
             blocks.rest();
             for (column, push) in (first + others.len()..).zip(&self.pushes) {
@@ -167,7 +195,7 @@ impl<'a> Columns<'a> {
             for (column, other) in (first..).zip(others.iter_mut()) {
                 let share = 0.5 * *step_s / other.step;
                 match other.does {
-                    Does::Act if self.is_steady => {
+                    Does::Act => {
                         for (i, (of, less)) in other.acts.rates.iter().zip(&own.acts.rates).enumerate() {
                             blocks.push(column, i, share * (of - less));
                         }
@@ -180,22 +208,25 @@ impl<'a> Columns<'a> {
                             .iter()
                             .for_each(|push| push.add_rates(plant, linearised, share, &mut add));
                     }
-                    Does::TheSame if self.is_steady && other.differs == Differs::InJets => {
+                    Does::TheSame if other.differs == Differs::InJets => {
                         other.plant.wait_until(plant.now_ns(), &own.acts);
                     }
                     Does::Step => {
                         if !other.run_to(case, plant.now_ns()) {
                             return false;
                         }
+                        if other.differs != Differs::WithinSteps {
+                            other.plant.add_gas_kg(own.plant.gas_kg() - stepping.plant.gas_kg());
+                        }
                         if let Some(behind) = &mut other.behind {
-                            *behind = other.plant.behind_filter_less(&own.plant);
+                            *behind = other.plant.behind_filter_less(&stepping.plant);
                         }
                         // Where one sticks and the other slips the difference says nothing of a small one.
-                        let is_alike = other.plant.is_on_branch_of(&own.plant);
+                        let is_alike = other.plant.is_on_branch_of(&stepping.plant);
                         // The plants know better than derivatives that are held how a state moves on; disturbances they have in
                         // common.
                         let mut moved = [0.0; MOST_STATES];
-                        other.plant.motion_less(own.plant.state(), &mut moved[..n]);
+                        other.plant.motion_less(stepping.plant.state(), &mut moved[..n]);
                         let before = |i: usize| blocks.at(i, column);
                         for (i, row) in transition.rows().enumerate() {
                             let of_rest = row.iter().filter(|(k, _)| *k >= n || !is_alike || i >= n);
@@ -208,10 +239,29 @@ impl<'a> Columns<'a> {
                 }
             }
         }
-        blocks.carry(transition);
+        blocks.carry(transition, *step_s);
+        let steps = |column: usize| others.get(column).is_some_and(|other| other.does == Does::Step);
+        // What comes early turns the body further, and more of the readings of a cell see it.
+        for (column, rates) in early.iter().flat_map(|early| responses.by(early)) {
+            if !steps(column) {
+                for (k, rate) in rates.iter().enumerate().filter(|(_, rate)| **rate != 0.0) {
+                    if k < 3 {
+                        *blocks.at_mut(ROTATION.start + k, first + column) += 0.5 * *step_s * *step_s * rate;
+                    }
+                    if blocks.of_cells && RATE.start + k < n {
+                        blocks.add_pushed(first + column, RATE.start + k, -*step_s * rate);
+                    }
+                }
+            }
+        }
         let others = (first..).zip(&*others).filter(|(_, other)| other.does == Does::Step);
         for ((column, _), moved) in others.zip(stepped.chunks_exact(transition.count().max(1))) {
-            moved.iter().enumerate().for_each(|(i, x)| *blocks.at_mut(i, column) = *x);
+            for (i, x) in moved.iter().enumerate() {
+                let carried = std::mem::replace(blocks.at_mut(i, column), *x);
+                if blocks.of_cells && RATE.start <= i && i < n {
+                    blocks.add_pushed(column, i, x - carried);
+                }
+            }
         }
         if let Some(axis) = &gains.unseen_axis {
             blocks.level(axis);
@@ -247,14 +297,18 @@ impl<'a> Columns<'a> {
         let is_late = |other: &Other<'_>| other.late_s != [0.0; 2];
         let mut rates = [0.0; MOST_STATES];
         if others.iter().any(|other| other.differs == Differs::InReadings || is_late(other)) {
-            own.plant.take_motion_of(plant, &[]);
+            own.stand_in_for(plant, &[], mean.event, plant.now_ns());
             own.plant.act_into(at_end);
             rates = rates_of(at_end, plant);
         }
+        // At the instant of a reading inputs may be others than over the step.
+        let inputs = plant.inputs();
+        let is_mean = !mean.collected.sums.is_empty() || mean.case.averages_forces();
+        let as_over_step = is_mean || self.inputs == Some(inputs);
         for (column, other) in (first..).zip(others) {
             let reads_later = match other.does {
                 _ if other.turns_vectors => None,
-                Does::Act if self.is_steady => Some(own.acts.imu - other.acts.imu),
+                Does::Act if as_over_step => Some(own.acts.imu - other.acts.imu),
                 Does::Push => {
                     read_pushes(column, &other.pushes, other.step, blocks);
                     continue;
@@ -267,6 +321,9 @@ impl<'a> Columns<'a> {
             };
             if reads_later.is_none() {
                 other.take_motion_of(plant, &[], plant.now_ns());
+                if other.does == Does::Act {
+                    other.plant.drive_by(&inputs);
+                }
                 if !other.plant.is_on_branch_of(plant) {
                     continue;
                 }
@@ -289,6 +346,15 @@ impl<'a> Columns<'a> {
             }
         }
     }
+}
+
+/// Whether a wheel may come to rest, or turn the other way, within a step: its friction jumps there.
+fn comes_to_rest(plant: &Plant, acts: &Acts, step_s: f64) -> bool {
+    let wheels = plant.gyrostat().model().wheels().iter().zip(plant.state().wheel_speed_rad_s());
+    let rates = plant.tangent().wheels().map(|i| acts.rates[i]).zip(plant.held_wheels());
+    wheels.zip(rates).any(|((wheel, speed), (rate, held))| {
+        !held && wheel.coulomb_friction_n_m > 0.0 && *speed * (speed + 2.0 * rate * step_s) <= 0.0
+    })
 }
 
 /// How fast the coordinates of a plant move that acts so \[unit/s\].

@@ -10,6 +10,9 @@ use whorl_recording::{Recording, Series};
 
 use crate::driven_speeds::{DrivenSpeeds, from_speeds};
 
+/// Numbers of [`MeanInputs`].
+pub type Inputs = [f64; MeanInputs::COUNT];
+
 #[derive(Debug, Clone, PartialEq)]
 pub struct Commands<'a> {
     wheel_torque_n_m: Cow<'a, Series<Vec<f64>>>,
@@ -90,6 +93,13 @@ impl<'a> Commands<'a> {
         };
     }
 
+    /// Passes what wheels were told last before a command.
+    pub(crate) fn tell_wheels(&self, before: usize, plant: &mut Plant) {
+        let told = self.events.get(..before).unwrap_or_default();
+        let last = told.iter().rposition(|(_, event)| matches!(event, Event::Wheels(_)));
+        last.into_iter().for_each(|event| self.tell(event, plant));
+    }
+
     /// Advances a plant; false where its motion is lost. A command of the very instant comes after what is read then: a controller answers to it.
     pub(crate) fn run_to(&self, plant: &mut Plant, event: &mut usize, time_ns: i64) -> bool {
         while let Some(due_ns) = self.event_ns(*event).filter(|t| *t < time_ns) {
@@ -116,35 +126,63 @@ impl<'a> Commands<'a> {
         (window_s > 0.0).then(|| self.mean_between(middle_s - half_s, middle_s + half_s))
     }
 
+    /// How large what motors are told is, root mean squares [N m].
+    pub fn motors_rms_n_m(&self) -> impl Iterator<Item = f64> {
+        let told = &self.wheel_torque_n_m.value;
+        let rms = |j: usize| {
+            let squares = told.iter().filter_map(|of| of.get(j)).map(|x| x * x);
+            (squares.sum::<f64>() / told.len().max(1) as f64).sqrt()
+        };
+        (0..told.first().map_or(0, Vec::len)).map(rms)
+    }
+
     pub fn mean_between(&self, from_s: f64, to_s: f64) -> MeanInputs {
+        self.moments_between(from_s, to_s)[0]
+    }
+
+    /// Mean inputs over a stretch of time, and their mean by how much of it is still to come, twice: the same where inputs do not change.
+    pub fn moments_between(&self, from_s: f64, to_s: f64) -> [MeanInputs; 2] {
         let length_s = (to_s - from_s).max(1e-9);
-        let mut mean = MeanInputs::default();
-        for (slot, intervals) in mean.valve_fraction.iter_mut().zip(&self.flow) {
+        let mut moments = [MeanInputs::default(); 2];
+        let [mean, early] = &mut moments;
+        // Of what is held between two instants.
+        let shares = |on_s: f64, off_s: f64| {
+            let (on_s, off_s) = (on_s.max(from_s), off_s.min(to_s));
+            let share = (off_s - on_s).max(0.0) / length_s;
+            [share, share * (2.0 * to_s - on_s - off_s) / length_s]
+        };
+        let slots = mean.valve_fraction.iter_mut().zip(&mut early.valve_fraction);
+        for ((mean, early), intervals) in slots.zip(&self.flow) {
             // Pulses are sorted by their beginning, and few are open at once.
             let end = intervals.partition_point(|(on, _)| *on < to_s);
-            let near = intervals[..end].iter().rev().take_while(|(_, off)| *off > from_s);
             // A pulse that is shorter than its valve takes to open ends before it begins: nothing flows.
-            *slot = near.map(|(on, off)| (off.min(to_s) - on.max(from_s)).max(0.0)).sum::<f64>() / length_s;
+            for (on, off) in intervals[..end].iter().rev().take_while(|(_, off)| *off > from_s) {
+                let [share, of_early] = shares(*on, *off);
+                (*mean, *early) = (*mean + share, *early + of_early);
+            }
         }
-        for (k, share) in held_between(&self.wheel_torque_n_m.time_s, from_s, to_s) {
+        for (k, on_s, off_s) in held_between(&self.wheel_torque_n_m.time_s, from_s, to_s) {
             let torques = self.wheel_torque_n_m.value.get(k).into_iter().flatten();
-            mean.wheel_torque_n_m.iter_mut().zip(torques).for_each(|(sum, x)| *sum += x * share);
+            let [share, of_early] = shares(on_s, off_s);
+            let slots = mean.wheel_torque_n_m.iter_mut().zip(&mut early.wheel_torque_n_m);
+            for ((mean, early), x) in slots.zip(torques) {
+                (*mean, *early) = (*mean + x * share, *early + x * of_early);
+            }
         }
-        for (k, share) in held_between(&self.body_torque_b_n_m.time_s, from_s, to_s) {
+        for (k, on_s, off_s) in held_between(&self.body_torque_b_n_m.time_s, from_s, to_s) {
+            let [share, of_early] = shares(on_s, off_s);
             mean.body_torque_b_n_m += self.body_torque_b_n_m.value[k] * share;
+            early.body_torque_b_n_m += self.body_torque_b_n_m.value[k] * of_early;
         }
-        mean
+        moments
     }
 }
 
-/// The samples that are held within a stretch, and over what share of it.
-fn held_between(time_s: &[f64], from_s: f64, to_s: f64) -> impl Iterator<Item = (usize, f64)> {
+/// The samples that are held within a stretch, from when and until when \[s\].
+fn held_between(time_s: &[f64], from_s: f64, to_s: f64) -> impl Iterator<Item = (usize, f64, f64)> {
     let first = time_s.partition_point(|t| *t <= from_s).saturating_sub(1);
     let held = time_s.iter().enumerate().skip(first).take_while(move |(_, t)| **t < to_s);
-    held.map(move |(k, t)| {
-        let until = time_s.get(k + 1).copied().unwrap_or(to_s).min(to_s);
-        (k, (until - t.max(from_s)) / (to_s - from_s).max(1e-9))
-    })
+    held.map(move |(k, t)| (k, *t, time_s.get(k + 1).copied().unwrap_or(to_s)))
 }
 
 /// Seconds rounded to nanoseconds; saturates.

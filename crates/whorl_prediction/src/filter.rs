@@ -63,7 +63,7 @@ impl<'a> Filter<'a> {
         };
         let mut instants = 0..most;
         while instants.next().is_some() && self.step(&mut add) {}
-        likelihood.end(self.mean.lost);
+        likelihood.end(&self.mean);
         likelihood
     }
 
@@ -114,7 +114,10 @@ impl<'a> Filter<'a> {
 
     pub fn take_in(&mut self, told: &mut dyn FnMut(&Innovation)) {
         let (mean, gains) = (&mut self.mean, &mut self.gains);
-        self.columns.iter_mut().for_each(|columns| columns.read(mean, &gains.linearised, &self.readings));
+        if let Some(columns) = &mut self.columns {
+            columns.read(mean, &gains.linearised, &self.readings);
+            columns.blocks.set_back(&self.readings);
+        }
         // Every reading has noise: without a variance the covariance is beyond repair.
         if !gains.correct(&self.readings) {
             mean.lost = true;
@@ -185,11 +188,16 @@ impl Likelihood {
         self.numbers += 1;
     }
 
-    /// Behind the last; what is lost is not likely at all.
-    pub(crate) fn end(&mut self, lost: bool) {
-        self.lost = lost || !self.log.is_finite();
+    /// Behind the last, with what readings of cells are more than their means; what is lost is not likely at all.
+    pub(crate) fn end(&mut self, mean: &Mean<'_>) {
+        self.log += mean.apart.log();
+        self.lost = mean.lost || !self.log.is_finite();
         if self.lost {
-            self.log = f64::NEG_INFINITY;
+            self.lose();
         }
+    }
+
+    pub(crate) fn lose(&mut self) {
+        (self.lost, self.log) = (true, f64::NEG_INFINITY);
     }
 }

@@ -58,12 +58,11 @@ pub(crate) fn fitted_start_within(case: &Prepared<'_>, noise: &Noise, most: usiz
 }
 
 /// The start that the whole run shows without disturbances, close to one that was found with them, and how likely the run is from
-/// there. `log_with_them`: how likely it is with them; where it is less likely without, the start is looked for further away.
+/// there. Where no start close by stands, it is looked for further away.
 pub(crate) fn fitted_start_near(
     case: &Prepared<'_>,
     noise: &Noise,
     other: &FittedStart,
-    log_with_them: f64,
 ) -> (FittedStart, Likelihood) {
     let wide = Start::wide(case, noise);
     let (known_before, share, whole) = (wide.covariance.clone(), case.settings().start_kept, case.instants());
@@ -75,18 +74,19 @@ pub(crate) fn fitted_start_near(
     let mut stands = false;
     if best.pass.likelihood.misfit() <= LARGEST_MISFIT {
         // As narrow as the whole run makes it, so that the filter is linear over it.
-        let covariance = narrowed(&known_before, &best.pass.sums.own, share);
-        let moved = Start { covariance, ..best.start.moved(&best.pass.shift) };
-        best = Passed::over((case, noise), moved, whole);
-        stands = best.improve(whole, NEAR_PASSES, &[1.0]);
+        for _ in 0..NEAR_PASSES {
+            let covariance = narrowed(&known_before, &best.pass.sums.own, share);
+            let moved = Start { covariance, ..best.start.moved(&best.pass.shift) };
+            best = Passed::over((case, noise), moved, whole);
+            stands = best.improve(whole, NEAR_PASSES, &[1.0]);
+        }
     }
-    let log = best.pass.likelihood.log;
-    if !(stands && log >= log_with_them) {
+    if !stands {
         // A motion may leave an unstable rest, so that only the exact start tells where it goes: then longer and longer parts of the run lead there. What
         // a model lacks would move the start, not what the run shows of it.
         let again = Start { covariance: known_before.clone(), ..best.start.clone() };
         let longer = Passed::improved((case, noise), again, whole, Likelihood::is_noise);
-        if longer.pass.likelihood.log > log {
+        if longer.pass.likelihood.log > best.pass.likelihood.log {
             best = longer;
         }
     }
@@ -120,7 +120,7 @@ impl<'a> Passed<'a> {
         for _ in 0..MOST_ROUNDS {
             best.improve(part, settings.start_passes, &SHARES_OF_A_STEP);
             if !is_good(&best.pass.likelihood) {
-                best.pass.likelihood.end(true);
+                best.pass.likelihood.lose();
                 break;
             }
             let narrowed = narrowed(&known_before, &best.pass.sums.own, settings.start_kept);

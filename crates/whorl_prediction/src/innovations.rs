@@ -3,14 +3,16 @@
 use std::cell::Cell;
 
 use nalgebra::{DVector, Unit, Vector3};
-use whorl_dynamics::plant::{LinearisedPlant, Plant, ROTATION};
+use whorl_dynamics::plant::{LinearisedPlant, MeanInputs, Plant, ROTATION};
 use whorl_math::lanes::Gain;
 use whorl_math::{quaternion_exp, unit_or};
 use whorl_recording::{Channel, Component};
 
+use crate::commands::Inputs;
 use crate::readings::Cursor;
 use crate::rows::{Collected, Readings};
 use crate::stop::obey;
+use crate::within::Within;
 use crate::{Layout, Noise, Prepared, Start};
 
 thread_local! {
@@ -61,6 +63,12 @@ pub(crate) struct Mean<'a> {
     /// Where the present cell of readings ends \[ns\], and what was read in it.
     end_ns: i64,
     pub collected: Collected,
+    /// Until when inputs of the cell are summed up \[ns\], and to what they have come: times seconds.
+    from_ns: i64,
+    inputs: Inputs,
+    /// Whether anybody asks what inputs do within cells.
+    pub sees_inputs: bool,
+    pub apart: Within,
     within: Readings,
     /// What was read at the present instant: tracks and samples.
     pub due: Vec<(usize, usize)>,
@@ -84,6 +92,10 @@ impl<'a> Mean<'a> {
             cursor: Cursor::new(&case.tracks),
             end_ns: i64::MIN,
             collected: Collected::default(),
+            from_ns: i64::MIN,
+            inputs: [0.0; MeanInputs::COUNT],
+            sees_inputs: false,
+            apart: Within::default(),
             within: Readings::default(),
             due: Vec::new(),
             values: Vec::new(),
@@ -96,7 +108,8 @@ impl<'a> Mean<'a> {
     /// does there is what others begin with.
     pub fn set_out(&mut self) -> Option<i64> {
         self.end_ns = self.case.cell_end_ns(self.cursor.instant_ns(&self.case.tracks)?);
-        self.collected.0.clear();
+        self.collected.sums.clear();
+        (self.from_ns, self.inputs) = (self.plant.now_ns(), [0.0; MeanInputs::COUNT]);
         self.plant.average_readings(self.case.mean_inputs(self.end_ns));
         Some(self.end_ns)
     }
@@ -142,10 +155,11 @@ impl<'a> Mean<'a> {
     pub fn find_due(&mut self, instant_ns: i64) {
         INSTANTS.set(INSTANTS.get() + 1);
         obey();
-        if self.collected.0.is_empty() {
+        if self.collected.sums.is_empty() {
             self.cursor.take(&self.case.tracks, instant_ns, &mut self.due);
         } else {
             self.collect(instant_ns);
+            self.apart.add(self.case, &self.collected);
             self.collected.last(&mut self.due);
         }
     }
@@ -154,7 +168,17 @@ impl<'a> Mean<'a> {
         self.cursor.take(&self.case.tracks, instant_ns, &mut self.due);
         let mut within = std::mem::take(&mut self.within);
         self.read_of(&self.plant, &self.beside, None, &mut within);
-        self.collected.add(&within, (self.end_ns - instant_ns) as f64 * 1e-9);
+        if self.sees_inputs {
+            let [from_s, to_s] = [self.from_ns, instant_ns].map(|time_ns| time_ns as f64 * 1e-9);
+            let now = self.case.commands.mean_between(from_s, to_s).numbers();
+            self.inputs.iter_mut().zip(now).for_each(|(sum, now)| *sum += now * (to_s - from_s));
+            self.from_ns = instant_ns;
+        }
+        self.collected.add(
+            &within,
+            (self.end_ns - instant_ns) as f64 * 1e-9,
+            self.sees_inputs.then_some(&self.inputs),
+        );
         self.within = within;
     }
 

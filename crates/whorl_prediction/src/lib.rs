@@ -31,6 +31,7 @@ mod stop;
 #[cfg(test)]
 mod tests;
 mod trail;
+mod within;
 
 pub use error::PredictionError;
 pub use filter::Likelihood;

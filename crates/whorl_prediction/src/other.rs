@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::actuators::wheels::MAX_WHEELS;
-use whorl_dynamics::plant::Acts;
+use whorl_dynamics::plant::{Acts, MeanInputs};
 use whorl_dynamics::platform::SensorSuite;
 use whorl_dynamics::{Environment, Gyrostat, Plant, PlatformModel};
 
@@ -24,7 +24,7 @@ pub struct Varied {
 /// A varied model on the way of a filter, for differences of motions.
 pub(crate) struct Other<'a> {
     pub plant: Plant,
-    /// The next command, and all of them; `None`: those of the filter's model.
+    /// The next command, where it makes steps, and all of them; `None`: those of the filter's model.
     event: usize,
     commands: Option<Commands<'a>>,
     sensors: SensorSuite,
@@ -113,23 +113,38 @@ impl<'a> Other<'a> {
         self.behind.iter().for_each(|behind| self.plant.move_behind_filter(behind));
     }
 
-    /// The same of a model that differs in a torque, with commands and supplies as well: those are the filter's, which was not followed
-    /// while its torque alone was asked for.
-    pub fn stand_in_for(&mut self, plant: &Plant, change: &[f64], event: usize) {
+    /// Takes over commands and valves of the first model's plant as well, whose next command this is: of a model that is told the same, and for
+    /// which they were not followed while its way of acting alone was asked for.
+    pub fn stand_in_for(&mut self, plant: &Plant, change: &[f64], event: usize, instant_ns: i64) {
+        if self.differs == Differs::WithinSteps {
+            return self.take_motion_of(plant, change, instant_ns);
+        }
         self.plant.stand_in_for(plant, change);
         self.event = event;
+        if let Some(own) = &self.commands {
+            own.tell_wheels(event, &mut self.plant);
+            self.plant.average_readings(own.mean_inputs(&self.sensors, instant_ns));
+        }
     }
 
-    /// Tells it what is due by now; whether nothing else comes and no valve moves before an instant.
-    pub fn is_steady_until(&mut self, case: &Prepared<'_>, time_ns: i64) -> bool {
+    /// The inputs that drive it from now until an instant ([`Commands::moments_between`]).
+    pub fn inputs_until(&self, case: &Prepared<'_>, end_ns: i64) -> [MeanInputs; 2] {
         let commands = self.commands.as_ref().unwrap_or(&case.commands);
-        let now_ns = self.plant.now_ns();
-        while commands.event_ns(self.event).is_some_and(|due_ns| due_ns <= now_ns) {
+        commands.moments_between(self.plant.now_ns() as f64 * 1e-9, end_ns as f64 * 1e-9)
+    }
+
+    /// Hears what is due by now: masses that are moved drive it until the next reading.
+    pub fn hear(&mut self, case: &Prepared<'_>) {
+        let commands = self.commands.as_ref().unwrap_or(&case.commands);
+        while commands.event_ns(self.event).is_some_and(|due_ns| due_ns <= self.plant.now_ns()) {
             commands.tell(self.event, &mut self.plant);
             self.event += 1;
         }
-        let comes = commands.event_ns(self.event).is_some_and(|due_ns| due_ns < time_ns);
-        !comes && !self.plant.has_event_before(time_ns)
+    }
+
+    /// Whether its commands are others than those of the filter's model.
+    pub fn is_told_otherwise(&self) -> bool {
+        self.commands.is_some()
     }
 
     pub fn run_to(&mut self, case: &Prepared<'_>, time_ns: i64) -> bool {

@@ -10,6 +10,7 @@ use crate::columns::Columns;
 use crate::filter::{Filter, begun_about_known_biases};
 use crate::innovations::Mean;
 use crate::rows::Readings;
+use crate::within::{Responses, Within};
 use crate::{Innovation, Laws, Likelihood, Noise, PredictionError, Prepared, Start, Varied};
 
 /// Bytes that are kept at most of gains and of how innovations change: six minutes at 100 Hz of nine numbers and 70 parameters.
@@ -46,6 +47,7 @@ pub(crate) struct Kept {
     design: Vec<f32>,
     sums: Sums,
     widened: Option<Widened>,
+    responses: Responses,
 }
 
 /// What it changes that a filter began with less than it was given: how the start moves by how it moved, and what is added to the slope by that.
@@ -78,14 +80,21 @@ impl Pass {
             filter.kept = Some(Vec::new());
         }
         filter.columns = Some(columns);
+        filter.mean.sees_inputs = true;
         let likelihood = filter.run(usize::MAX, &mut |_| {});
+        let responses = filter.columns.as_mut().map(|columns| std::mem::take(&mut columns.responses));
+        let responses = responses.unwrap_or_default();
         let (mut pass, design) = Self::behind(&mut filter, likelihood);
+        if !responses.is_empty() {
+            pass.slope += filter.mean.apart.slope(&responses);
+        }
         let wide = pass.sums.seen(&Start::wide(case, noise).covariance);
         let widened = pass.sums.widen(&filter.known, &wide);
         let mut pass = pass.widened(widened.as_ref());
         let kept = design.zip(FrozenGains::of(&mut filter));
-        pass.kept =
-            kept.map(|(design, gains)| Arc::new(Kept { gains, design, sums: pass.sums.clone(), widened }));
+        pass.kept = kept.map(|(design, gains)| {
+            Arc::new(Kept { gains, design, sums: pass.sums.clone(), widened, responses })
+        });
         Ok(pass)
     }
 
@@ -113,9 +122,9 @@ impl Pass {
             let changes = changes.next().unwrap_or_default();
             slope.iter_mut().zip(changes).for_each(|(slope, d)| *slope -= normalised * f64::from(*d));
         };
-        let (likelihood, begun) = innovations(case, noise, start, &kept.gains, told)?;
+        let (likelihood, begun, apart) = passed(case, noise, start, &kept.gains, told)?;
         let shift = begun + &kept.gains.known * slope.rows(0, states);
-        let slope = slope.rows(states, parameters).into_owned();
+        let slope = slope.rows(states, parameters) + apart.slope(&kept.responses);
         let pass = Self { likelihood, shift, slope, sums: kept.sums.clone(), kept: Some(Arc::clone(kept)) };
         Some(pass.widened(kept.widened.as_ref()))
     }
@@ -218,17 +227,28 @@ pub fn frozen_gains(case: &Prepared<'_>, noise: &Noise, start: &Start) -> Option
     FrozenGains::of(&mut filter)
 }
 
-/// Innovations of a recording with gains that were made close by; `None` where other readings are due than there. With how far from the start that was
-/// given it began: what was known of the biases before the run stays about none.
+/// Innovations of a recording with gains that were made close by; `None` where other readings are due than there.
 pub fn innovations(
     case: &Prepared<'_>,
     noise: &Noise,
     start: &Start,
     kept: &FrozenGains,
     told: &mut dyn FnMut(&Innovation),
-) -> Option<(Likelihood, DVector<f64>)> {
+) -> Option<Likelihood> {
+    passed(case, noise, start, kept, told).map(|(likelihood, ..)| likelihood)
+}
+
+/// The same with how far from the start that was given it began: what was known of the biases before the run stays about none.
+fn passed(
+    case: &Prepared<'_>,
+    noise: &Noise,
+    start: &Start,
+    kept: &FrozenGains,
+    told: &mut dyn FnMut(&Innovation),
+) -> Option<(Likelihood, DVector<f64>, Within)> {
     let (begun, log_known) = begun_about_known_biases(case, start, &kept.known);
     let mut mean = Mean::new(case, noise, start);
+    mean.sees_inputs = true;
     mean.change(&begun);
     let mut likelihood = Likelihood::begun(log_known);
     let (mut readings, mut instants) = (Readings::default(), kept.by_instant.iter());
@@ -248,6 +268,6 @@ pub fn innovations(
             told(innovation);
         });
     }
-    likelihood.end(mean.lost);
-    Some((likelihood, begun))
+    likelihood.end(&mean);
+    Some((likelihood, begun, mean.apart))
 }

@@ -41,6 +41,8 @@ pub struct Prepared<'a> {
     pub(crate) tracks: Vec<Track<'a>>,
     /// The last instants of cells of readings \[ns\]; none: every instant is one.
     pub(crate) cell_ends_ns: Vec<i64>,
+    /// Variances of readings of cells about their means, and of which.
+    variances_within: Vec<(Component, f64)>,
     /// Of each wheel that is driven along its speeds: root of the power density of its momentum's noise, body axes [N m s per root of Hz].
     pub(crate) driven_momentum_roots: Vec<Vector3<f64>>,
     pub(crate) clamped: bool,
@@ -86,6 +88,7 @@ impl<'a> Prepared<'a> {
         Ok(Self {
             driven_momentum_roots: roots.collect(),
             cell_ends_ns: cell_ends_ns(&tracks, recording, settings.cell_s),
+            variances_within: tracks.iter().flat_map(Track::variances_within).collect(),
             recording,
             given,
             model,
@@ -150,6 +153,16 @@ impl<'a> Prepared<'a> {
     pub(crate) fn cell_end_ns(&self, instant_ns: i64) -> i64 {
         let next = self.cell_ends_ns.partition_point(|end_ns| *end_ns < instant_ns);
         self.cell_ends_ns.get(next).copied().unwrap_or(instant_ns)
+    }
+
+    /// The variance of a reading about the mean of its cell.
+    pub(crate) fn variance_within(&self, component: Component) -> Option<f64> {
+        self.variances_within.iter().find(|(of, _)| *of == component).map(|(_, variance)| *variance)
+    }
+
+    /// Whether the accelerometer's readings are means over a window.
+    pub(crate) fn averages_forces(&self) -> bool {
+        self.model.sensors.accelerometer.errors.averaging_window_s > 0.0
     }
 
     pub(crate) fn mean_inputs(&self, instant_ns: i64) -> Option<MeanInputs> {

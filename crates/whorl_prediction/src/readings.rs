@@ -6,9 +6,6 @@ use whorl_recording::{Channel, ChannelSeries, Component, Recording};
 
 use crate::commands::ns;
 
-/// Behind a command of a valve each reading is taken in by itself for so long \[s\]: most valves move within it, which the beginning of a step does not tell.
-const VALVE_S: f64 = 0.02;
-
 /// Of the time within which a random torque comes and goes: its mean over a cell is known from its end to a hundredth of its variance.
 pub(crate) const SHARE_OF_TIME: f64 = 1.0 / 6.0;
 /// Radians of the fastest motion: of exp(-A t) the terms that are left out are a twentieth of a hundredth.
@@ -40,6 +37,16 @@ impl Track<'_> {
     /// A number of sample `k`; `None` where it says nothing: not finite, or at the sensor's limit.
     pub fn number(&self, k: usize, index: usize) -> Option<f64> {
         self.series.number(k, index).filter(|y| y.is_finite() && y.abs() < self.range)
+    }
+
+    /// Of each component half the mean square of its change from one sample to the next, which motion makes larger; nothing of what never changes.
+    pub fn variances_within(&self) -> impl Iterator<Item = (Component, f64)> {
+        self.components.iter().filter_map(|component| {
+            let number = |k: usize| self.number(k, component.index());
+            let changes = (1..self.time_s.len()).filter_map(|k| Some(number(k)? - number(k - 1)?));
+            let (sum, count) = changes.fold((0.0, 0.0), |(sum, n), by| (sum + by * by, n + 1.0));
+            (sum > 0.0).then_some((*component, 0.5 * sum / count))
+        })
     }
 
     pub fn vector(&self, k: usize) -> Option<Vector3<f64>> {
@@ -112,45 +119,30 @@ pub(crate) fn cell_ends_ns(tracks: &[Track<'_>], recording: &Recording, cell_s: 
     if cell_ns <= 0 {
         return ends;
     }
-    let (edges_ns, commands_ns) = (edges_ns(recording), commands_ns(recording));
-    let comes = |all: &[i64], from_ns: i64, to_ns: i64| {
-        let next = all.partition_point(|time_ns| *time_ns < from_ns);
-        all.get(next).is_some_and(|time_ns| *time_ns < to_ns)
+    let edges_ns = edges_ns(recording);
+    let comes = |from_ns: i64, to_ns: i64| {
+        let next = edges_ns.partition_point(|time_ns| *time_ns < from_ns);
+        edges_ns.get(next).is_some_and(|time_ns| *time_ns < to_ns)
     };
     let (mut cursor, mut first_ns, mut before_ns) = (Cursor::new(tracks), i64::MIN, i64::MIN);
-    let (mut is_open, mut was_alone, mut due) = (false, false, Vec::new());
+    let (mut is_open, mut due) = (false, Vec::new());
     while let Some(instant_ns) = cursor.instant_ns(tracks) {
         cursor.take(tracks, instant_ns, &mut due);
-        let is_alone = is_open && comes(&edges_ns, before_ns - ns(VALVE_S), instant_ns + 1);
-        let is_told = is_open && comes(&commands_ns, before_ns, instant_ns);
-        if is_open && !was_alone && !is_alone && !is_told && instant_ns - first_ns < cell_ns {
+        if is_open && !comes(before_ns, instant_ns) && instant_ns - first_ns < cell_ns {
             ends.pop();
         } else {
             first_ns = instant_ns;
         }
         ends.push(instant_ns);
-        (is_open, was_alone, before_ns) = (true, is_alone, instant_ns);
+        (is_open, before_ns) = (true, instant_ns);
     }
     ends
 }
 
-/// When wheels are told something else \[ns\]. A controller may have answered to what was read just before: what is read behind that is taken in later.
-fn commands_ns(recording: &Recording) -> Vec<i64> {
-    let wheels = &recording.wheel_torque_command_n_m;
-    let told = wheels.time_s.iter().zip(&wheels.value);
-    let mut before = None;
-    told.filter(|(_, now)| before.replace(*now) != Some(*now)).map(|(t, _)| ns(*t)).collect()
-}
-
-/// When anything is told to the platform that moves it at once and wholly, or moves its valves \[ns\], in order.
+/// When anything comes that no mean over a cell stands for \[ns\], in order: masses that are moved, gimbals that are turned.
 fn edges_ns(recording: &Recording) -> Vec<i64> {
-    let pulses = recording.jet_pulses.iter().flatten().flat_map(|pulse| [pulse.on_s, pulse.off_s]);
-    let others = [
-        &recording.ballast_moment_b_n_m.time_s,
-        &recording.body_torque_b_n_m.time_s,
-        &recording.gimbal_angle_rad.time_s,
-    ];
-    let mut edges: Vec<i64> = pulses.chain(others.into_iter().flatten().copied()).map(ns).collect();
+    let all = [&recording.ballast_moment_b_n_m.time_s, &recording.gimbal_angle_rad.time_s];
+    let mut edges: Vec<i64> = all.into_iter().flatten().copied().map(ns).collect();
     edges.sort_unstable();
     edges
 }

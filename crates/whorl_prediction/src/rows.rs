@@ -1,8 +1,11 @@
 //! Readings less what is predicted of them in a state.
 
 use nalgebra::Vector3;
+use whorl_dynamics::plant::MeanInputs;
 use whorl_math::lanes::Sparse;
 use whorl_recording::Component;
+
+use crate::commands::Inputs;
 
 /// What a reading shows of the state about a prediction.
 #[derive(Debug, Clone, Copy)]
@@ -54,33 +57,57 @@ impl Readings {
 
 /// Sums of readings of a cell less their predictions, on the way to its end, one for each component.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Collected(pub Vec<Sum>);
+pub(crate) struct Collected {
+    pub sums: Vec<Sum>,
+}
 
 #[derive(Debug, Clone)]
 pub(crate) struct Sum {
     /// Of values and lags, of which the samples are the last.
     row: Row,
-    count: f64,
+    pub count: f64,
     /// The same of directions, sensor axes.
     along: Vector3<f64>,
+    /// Of squares, and of what inputs were until then, by themselves and times the value.
+    pub squares: f64,
+    pub inputs: Inputs,
+    pub by_input: Inputs,
+}
+
+impl Sum {
+    pub fn component(&self) -> Component {
+        self.row.component
+    }
+
+    pub fn value(&self) -> f64 {
+        self.row.value
+    }
 }
 
 impl Collected {
-    /// Adds what was read so long before the end \[s\].
-    pub fn add(&mut self, readings: &Readings, lag_s: f64) {
+    /// Adds what was read so long before the end \[s\], until when inputs had come to so much, if anybody asks.
+    pub fn add(&mut self, readings: &Readings, lag_s: f64, inputs: Option<&Inputs>) {
         for row in &readings.rows {
-            let row = Row { lag_s, lag_squared_s2: lag_s * lag_s, ..*row };
-            let along = row.axis * row.value;
-            match self.0.iter_mut().find(|sum| sum.row.component == row.component) {
-                None => self.0.push(Sum { row, count: 1.0, along }),
-                Some(sum) => {
-                    sum.row.sample = row.sample;
-                    sum.row.value += row.value;
-                    sum.row.lag_s += lag_s;
-                    sum.row.lag_squared_s2 += row.lag_squared_s2;
-                    sum.count += 1.0;
-                    sum.along += along;
-                }
+            let position = self.sums.iter().position(|sum| sum.row.component == row.component);
+            let position = position.unwrap_or_else(|| {
+                let (row, none) =
+                    (Row { value: 0.0, lag_s: 0.0, lag_squared_s2: 0.0, ..*row }, [0.0; MeanInputs::COUNT]);
+                let (along, inputs, by_input) = (Vector3::zeros(), none, none);
+                self.sums.push(Sum { row, count: 0.0, along, squares: 0.0, inputs, by_input });
+                self.sums.len() - 1
+            });
+            let sum = &mut self.sums[position];
+            sum.row.sample = row.sample;
+            sum.row.value += row.value;
+            sum.row.lag_s += lag_s;
+            sum.row.lag_squared_s2 += lag_s * lag_s;
+            sum.count += 1.0;
+            sum.along += row.axis * row.value;
+            sum.squares += row.value * row.value;
+            for ((sum, by), x) in
+                sum.inputs.iter_mut().zip(&mut sum.by_input).zip(inputs.into_iter().flatten())
+            {
+                (*sum, *by) = (*sum + x, *by + x * row.value);
             }
         }
     }
@@ -88,7 +115,7 @@ impl Collected {
     /// The last of each sensor: track and sample.
     pub fn last(&self, due: &mut Vec<(usize, usize)>) {
         due.clear();
-        due.extend(self.0.iter().map(|Sum { row, .. }| (row.track, row.sample)));
+        due.extend(self.sums.iter().map(|Sum { row, .. }| (row.track, row.sample)));
         due.sort_unstable_by(|a, b| b.cmp(a));
         due.dedup_by_key(|(track, _)| *track);
         due.reverse();
@@ -97,9 +124,9 @@ impl Collected {
     /// Means in the place of the last of each.
     pub fn put(&self, readings: &mut Readings) {
         for (row, variance) in readings.rows.iter_mut().zip(&mut readings.variances) {
-            let sum = self.0.iter().find(|sum| sum.row.component == row.component);
+            let sum = self.sums.iter().find(|sum| sum.row.component == row.component);
             let Some(Sum { row: sum, count, .. }) = sum else { continue };
-            let of_track = self.0.iter().filter(|other| other.row.track == sum.track);
+            let of_track = self.sums.iter().filter(|other| other.row.track == sum.track);
             let along = || of_track.map(|other| other.along.dot(&row.axis)).sum();
             let value: f64 = if row.axis != Vector3::zeros() { along() } else { sum.value };
             row.value = value / count;

@@ -151,6 +151,11 @@ pub(crate) trait KindDynamics {
         i64::MAX
     }
 
+    /// Takes over what another platform's actuators of this kind do from now on, whose constants may be others.
+    fn take_over(&self, drive: &mut Self::Drive, other: &Self::Drive, _now_ns: i64) {
+        drive.clone_from(other);
+    }
+
     /// Does what is due now.
     fn settle(&self, _drive: &mut Self::Drive, _now_ns: i64) {}
 

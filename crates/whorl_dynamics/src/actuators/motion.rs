@@ -149,6 +149,10 @@ macro_rules! motion {
             }
 
             #[inline]
+            pub(crate) fn take_over(&self, drives: &mut Drives, other: &Drives, now_ns: i64) {
+                $($(#[$row])* { self.$module.take_over(&mut drives.$module, &other.$module, now_ns); })*
+            }
+
             pub(crate) fn settle(&self, drives: &mut Drives, now_ns: i64) {
                 $(
                     $(#[$row])*

@@ -5,7 +5,7 @@ use nalgebra::{DVector, SVector, Vector3};
 use super::tangent::Seen;
 use super::{Plant, RATE, ROTATION};
 use crate::State;
-use crate::gyrostat::Derivative;
+use crate::gyrostat::{Derivative, Drive};
 
 /// How a plant moves and what it reads at one instant.
 #[derive(Debug, Clone)]
@@ -45,12 +45,31 @@ impl Plant {
         }
     }
 
-    /// Takes over time, commands, valves and supplies as well, of a plant that has the same actuators.
+    /// Takes over time, commands and what valves do as well, of a plant that has the same actuators, whose constants may be others; its gas
+    /// stays its own.
     pub fn stand_in_for(&mut self, other: &Self, change: &[f64]) {
+        let gas = self.state.actuators.jets;
         (self.now_ns, self.state) = (other.now_ns, other.state);
-        self.drive = other.drive.clone();
-        self.drive.equation = self.gyrostat.rate_equation_now(&self.drive.actuators);
+        self.state.actuators.jets = gas;
+        let Drive { body_torque_b_n_m, clamped, stop, contact, ref actuators, .. } = other.drive;
+        let own = &mut self.drive;
+        (own.body_torque_b_n_m, own.clamped, own.stop, own.contact) =
+            (body_torque_b_n_m, clamped, stop, contact);
+        let model = self.gyrostat.model();
+        model.actuators.take_over(&mut own.actuators, actuators, other.now_ns);
+        own.equation = self.gyrostat.rate_equation_now(&own.actuators);
         self.take_motion_of(other, change);
+    }
+
+    /// What is left of its gas \[kg\].
+    #[must_use]
+    pub fn gas_kg(&self) -> f64 {
+        self.state.actuators.jets.gas_kg
+    }
+
+    /// So much more gas is left.
+    pub fn add_gas_kg(&mut self, more_kg: f64) {
+        self.state.actuators.jets.gas_kg += more_kg;
     }
 
     /// Decides which parts stick after a small change of their motion. What a part that sticks does to the others' motion is made anew
@@ -129,17 +148,11 @@ impl Plant {
         self.held_wheels().fold(0, |bits, held| bits << 1 | u64::from(held))
     }
 
-    /// Whether dry friction holds the same wheels of both.
-    #[must_use]
-    pub fn holds_wheels_of(&self, other: &Self) -> bool {
-        self.held() == other.held()
-    }
-
     /// Whether dry friction holds the same wheels of both, and the same contacts touch: only then is the one's motion less the
     /// other's a derivative.
     #[must_use]
     pub fn is_on_branch_of(&self, other: &Self) -> bool {
-        self.holds_wheels_of(other) && self.touching() == other.touching()
+        self.held() == other.held() && self.touching() == other.touching()
     }
 
     /// By how much its motion differs from another state of the same platform: the change, in [`super::Tangent`] coordinates, that makes

@@ -3,12 +3,13 @@
 use nalgebra::Vector3;
 
 use super::{Plant, ns_from_s};
-use crate::Environment;
+use crate::actuators::Kind;
 use crate::actuators::jets::MAX_JETS;
 use crate::actuators::wheels::MAX_WHEELS;
 use crate::gyrostat::Drive;
 use crate::platform::TriaxialErrors;
 use crate::sensing::Snapshot;
+use crate::{Environment, PlatformModel};
 
 /// What drives a platform, as the mean over a stretch of time.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -19,6 +20,37 @@ pub struct MeanInputs {
     pub valve_fraction: [f64; MAX_JETS],
     /// External torque, body axes [N m].
     pub body_torque_b_n_m: Vector3<f64>,
+}
+
+impl MeanInputs {
+    /// Numbers that it has.
+    pub const COUNT: usize = MAX_WHEELS + MAX_JETS + 3;
+
+    /// All numbers: of motors, valves and the torque from outside.
+    #[must_use]
+    pub fn numbers(&self) -> [f64; Self::COUNT] {
+        let mut numbers = [0.0; Self::COUNT];
+        let all = self.wheel_torque_n_m.iter().chain(&self.valve_fraction).chain(&self.body_torque_b_n_m);
+        numbers.iter_mut().zip(all).for_each(|(to, x)| *to = *x);
+        numbers
+    }
+
+    /// Which of these drive a platform, and from where to where each goes.
+    pub fn ranges(model: &PlatformModel) -> impl Iterator<Item = (usize, [f64; 2])> {
+        let wheels = model.wheels().iter().map(|of| [-of.max_torque_n_m, of.max_torque_n_m]).enumerate();
+        let jets = (MAX_WHEELS..MAX_WHEELS + model.jets().len()).map(|input| (input, [0.0, 1.0]));
+        wheels.chain(jets).chain((Self::COUNT - 3..Self::COUNT).map(|input| (input, [-1.0, 1.0])))
+    }
+
+    /// The inverse of [`Self::numbers`].
+    #[must_use]
+    pub fn of_numbers(numbers: &[f64; Self::COUNT]) -> Self {
+        let mut inputs = Self::default();
+        let MeanInputs { wheel_torque_n_m, valve_fraction, body_torque_b_n_m } = &mut inputs;
+        let slots = wheel_torque_n_m.iter_mut().chain(valve_fraction).chain(body_torque_b_n_m.iter_mut());
+        slots.zip(numbers).for_each(|(slot, x)| *slot = *x);
+        inputs
+    }
 }
 
 impl Plant {
@@ -34,14 +66,25 @@ impl Plant {
         self.mean_inputs.as_ref().map_or(Vector3::zeros(), |mean| self.by_inputs_b_rad_s2(mean, seen, drive))
     }
 
-    /// What effects see of these inputs on average in the state as it is now, angular acceleration included.
+    /// Lets these inputs drive it, whatever its commands and valves are, for how it acts over a stretch of time of which they are the means.
+    pub fn drive_by(&mut self, mean: &MeanInputs) {
+        let (actuators, drive) = (&self.gyrostat.model().actuators, &mut self.drive);
+        let wheels = actuators.wheels.0.len().min(MAX_WHEELS);
+        actuators.command(&mut drive.actuators, Kind::Wheels, &mean.wheel_torque_n_m[..wheels]);
+        drive.actuators.jets.valve_fraction = mean.valve_fraction;
+        drive.actuators.jets.valves.blow(&mean.valve_fraction);
+        drive.body_torque_b_n_m = mean.body_torque_b_n_m;
+    }
+
+    /// What drives it now.
     #[must_use]
-    pub fn environment_over<'a>(&'a self, mean: &'a MeanInputs) -> Environment<'a> {
-        let mut seen = self.environment();
-        seen.omega_dot_wb_b_rad_s2 += self.by_inputs_b_rad_s2(mean, &seen, &self.drive);
-        seen.valve_fraction = &mean.valve_fraction[..seen.valve_fraction.len()];
-        seen.wheel_motor_torque_n_m = &mean.wheel_torque_n_m[..seen.wheel_motor_torque_n_m.len()];
-        seen
+    pub fn inputs(&self) -> MeanInputs {
+        let Drive { actuators, body_torque_b_n_m, .. } = &self.drive;
+        MeanInputs {
+            wheel_torque_n_m: actuators.wheels.motor_torque_n_m,
+            valve_fraction: actuators.jets.valve_fraction,
+            body_torque_b_n_m: *body_torque_b_n_m,
+        }
     }
 
     /// By how much the angular acceleration under these inputs is more than under those of the instant [rad/s^2], which `seen` shows.

@@ -77,7 +77,7 @@ fn found(id: &str, torque: impl Fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>
 #[test]
 fn a_torque_with_the_square_of_the_yaw_rate_is_found() {
     let discovery = found("t_found", |rate, vertical_b| vertical_b * (3.0 * rate.z * rate.z));
-    let best = discovery.best().unwrap();
+    let best = discovery.best().unwrap_or_else(|| panic!("{:#?}", discovery.laws));
     assert!(best.equation.starts_with("k * rate.z^2 * "), "{:#?}", discovery.laws);
     let k = best.parameters.iter().find(|p| p.name == "k").unwrap();
     assert!((k.value - 3.0).abs() < 0.15 && k.unit == "N m s^2", "{k:?}");

@@ -169,6 +169,9 @@ pub(super) fn scored(
         if goes_on && !trail.is_full {
             continue;
         }
+        if !goes_on {
+            likelihood.log += filter.mean.apart.log();
+        }
         let is_likelier = likelihood.log > least;
         if !goes_on && (filter.mean.lost || !is_likelier) {
             return None;

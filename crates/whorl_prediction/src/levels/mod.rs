@@ -14,8 +14,9 @@ use whorl_recording::{Channel, Recording};
 
 use crate::filter::Filter;
 use crate::fitted::{fitted_start_near, fitted_start_within};
-use crate::readings::{SHARE_OF_MOTION_RAD, SHARE_OF_TIME};
+use crate::readings::{SHARE_OF_MOTION_RAD, SHARE_OF_TIME, Track};
 use crate::start::fastest_change;
+use crate::within::{SHARE_OF_LOOP_RAD, loop_rate_1_s};
 use crate::{
     Disturbance, FittedStart, Likelihood, Noise, PredictionError, Prepared, RandomTorque, Settings, Start,
 };
@@ -131,7 +132,7 @@ pub(crate) fn followed_from(case: &Prepared<'_>, stated: &Noise, before: &Follow
     let (noise, fitted) = (before.noise.clone(), &before.fitted);
     let noise =
         climb(case, stated, noise.clone(), &fitted.start, None, fit).map_or(noise, |found| found.noise);
-    let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &noise, fitted, f64::NEG_INFINITY);
+    let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &noise, fitted);
     Followed { noise, fitted: undisturbed.clone(), undisturbed, undisturbed_likelihood, gain_nats: 0.0 }
 }
 
@@ -152,8 +153,8 @@ fn times_s<'a>(case: &'a Prepared<'_>) -> &'a [f64] {
     &times_s[first.max(last.saturating_sub(PROCESSES))..last]
 }
 
-/// The longest [`Settings::cell_s`] up to that of the settings \[s\]: a quarter of a radian of the fastest motion, and a sixth of the shortest time of a
-/// random torque that the recordings show. None where only wheels move: their friction holds them and lets go between readings.
+/// The longest [`Settings::cell_s`] up to that of the settings \[s\]: a quarter of a radian of the fastest motion, a tenth of one of a controller, and a
+/// sixth of the shortest time of a random torque that the recordings show. None where only wheels move: their friction holds them and lets go between readings.
 ///
 /// # Errors
 /// See [`PredictionError`].
@@ -166,7 +167,12 @@ pub fn longest_cell_s(
         let case = Prepared::new(recording, model, Settings { cell_s: 0.0, ..*settings })?;
         let shortest_s = times_s(&case).iter().copied().fold(f64::INFINITY, f64::min);
         let of_motion_s = SHARE_OF_MOTION_RAD / case.fastest_1_s.max(1e-9);
-        Ok(if case.clamped { 0.0 } else { longest_s.min(SHARE_OF_TIME * shortest_s).min(of_motion_s) })
+        let of_loop_s = SHARE_OF_LOOP_RAD / loop_rate_1_s(&case).max(1e-9);
+        let longest_s = longest_s.min(SHARE_OF_TIME * shortest_s).min(of_motion_s).min(of_loop_s);
+        // Two readings at least.
+        let of_track = |track: &Track<'_>| recording.duration_s() / track.time_s.len().max(1) as f64;
+        let sample_s = case.tracks.iter().map(of_track).fold(f64::INFINITY, f64::min);
+        Ok(if case.clamped || longest_s < 2.0 * sample_s { 0.0 } else { longest_s })
     })
 }
 
@@ -227,7 +233,7 @@ fn judged(case: &Prepared<'_>, Found { noise, fitted, log }: Found, before: Opti
         }
     }
     let without = Noise { disturbance: Disturbance::NONE, ..noise.clone() };
-    let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &without, &fitted, log);
+    let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &without, &fitted);
     let gain_nats = log - undisturbed_likelihood.log;
     let is_needed = gain_nats > needed && is_disturbed;
     let (noise, fitted) = if is_needed { (noise, fitted) } else { (without, undisturbed.clone()) };

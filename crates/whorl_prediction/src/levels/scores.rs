@@ -156,7 +156,7 @@ fn forth(
     for instant in &trail.instants {
         for stride in &instant.strides {
             drive(&mut blocks, Some(0.5 * stride.step_s));
-            blocks.carry(&stride.transition);
+            blocks.carry(&stride.transition, stride.step_s);
             drive(&mut blocks, Some(0.5 * stride.step_s));
             stride.unseen_axis.iter().for_each(|axis| blocks.level(axis));
         }

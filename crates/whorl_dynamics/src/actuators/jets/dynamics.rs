@@ -122,6 +122,11 @@ impl KindDynamics for Jets {
         drive.valves.next_edge_ns()
     }
 
+    fn take_over(&self, drive: &mut Drive, other: &Drive, now_ns: i64) {
+        drive.valves.take_over(&other.valves, now_ns);
+        (drive.valve_fraction, drive.initial_gas_kg) = (other.valve_fraction, other.initial_gas_kg);
+    }
+
     fn settle(&self, drive: &mut Drive, now_ns: i64) {
         drive.valves.settle(now_ns);
         drive.valve_fraction = drive.valves.fractions();

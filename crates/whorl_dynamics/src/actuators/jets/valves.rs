@@ -135,6 +135,25 @@ impl Valves {
         self.next_edge_ns = now_ns;
     }
 
+    /// Does from now on what the valves of other jets do.
+    pub fn take_over(&mut self, other: &Self, now_ns: i64) {
+        for (valve, of) in self.valves.iter_mut().zip(&other.valves) {
+            valve.pulses.clone_from(&of.pulses);
+            (valve.failure, valve.driven_ns, valve.open_ns) = (of.failure, of.driven_ns, of.open_ns);
+            (valve.is_open, valve.flow) = (of.is_open, of.flow);
+        }
+        (self.lag, self.since_ns) = (other.lag, other.since_ns);
+        self.settle(now_ns);
+    }
+
+    /// Lets each jet give this share of its thrust, whatever its valve does, until it takes over what another's does.
+    pub fn blow(&mut self, shares: &[f64]) {
+        (self.target, self.lacking, self.next_edge_ns) = (NOTHING, NOTHING, i64::MAX);
+        for (valve, share) in self.valves.iter().zip(shares).filter(|(_, share)| **share != 0.0) {
+            self.target.add(valve, *share);
+        }
+    }
+
     pub fn fail(&mut self, jet: usize, failure: JetFailure, now_ns: i64) -> bool {
         let Some(valve) = self.valves.get_mut(jet) else { return false };
         valve.failure = failure;
