@@ -121,12 +121,6 @@ impl Plant {
         self.now_ns = time_ns;
     }
 
-    /// Whether a valve opens or closes before an instant.
-    #[must_use]
-    pub fn has_event_before(&self, time_ns: i64) -> bool {
-        self.gyrostat.model().actuators.next_event_ns(&self.drive.actuators) < time_ns
-    }
-
     /// By how much what is behind its sensors' low-pass differs from another plant's: rate [rad/s] and specific force [m/s^2].
     #[must_use]
     pub fn behind_filter_less(&self, other: &Self) -> [Vector3<f64>; 2] {
