@@ -159,7 +159,7 @@ impl Domain {
     }
 
     /// Makes the folder for this user alone, or finds it: where the temporary directory holds it, anybody may have been first.
-    fn create_folder(&self) -> Result<(), LaunchError> {
+    pub(crate) fn create_folder(&self) -> Result<(), LaunchError> {
         if let Some(parent) = self.folder.parent() {
             std::fs::create_dir_all(parent).map_err(LaunchError::io("cannot create", parent))?;
         }

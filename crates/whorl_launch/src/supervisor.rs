@@ -161,6 +161,9 @@ impl Supervisor {
         {
             return Err(LaunchError::io("cannot remove", &progress)(error));
         }
+        // Before the process runs, which may keep its progress there at once. Without it only that is missing, and what
+        // `Domain::remember` keeps.
+        let _ = self.domain.create_folder();
         let child = spawn(command, self.real_time.as_ref(), node, &program)?;
         self.domain.remember(&label, child.id());
         let running = Running {

@@ -154,15 +154,19 @@ pub fn sources_in(folder: &Path, choice: &Choice) -> RunSources {
     }
 }
 
-/// What of a choice there is no longer goes; where nothing was chosen, what leaves no doubt is.
-pub fn completed(mut choice: Choice, files: &[FileRow]) -> Choice {
+/// What of a choice there is no longer goes; where nothing was chosen, what leaves no doubt is. A model or a map stays
+/// while its file is there, whatever the file says now: who writes it may not be done.
+pub fn completed(mut choice: Choice, folder: &Path, files: &[FileRow]) -> Choice {
     let of =
         |kind: FileKind| files.iter().filter(move |file| file.kind == kind).map(|file| file.path.as_str());
     let is = |kind: FileKind, path: &String| of(kind).any(|there| there == path);
+    let is_there = |path: &String| {
+        !files.iter().any(|file| file.path == *path) && inside(folder, path).is_ok_and(|path| path.is_file())
+    };
     choice.runs.retain(|path| is(FileKind::Recording, path));
     choice.held_out.retain(|path| is(FileKind::Recording, path));
-    choice.model = choice.model.filter(|path| is(FileKind::Model, path));
-    choice.channels = choice.channels.filter(|path| is(FileKind::Map, path));
+    choice.model = choice.model.filter(|path| is(FileKind::Model, path) || is_there(path));
+    choice.channels = choice.channels.filter(|path| is(FileKind::Map, path) || is_there(path));
     if choice.runs.is_empty() && choice.held_out.is_empty() {
         choice.runs.extend(of(FileKind::Recording).next().map(str::to_owned));
     }
@@ -268,16 +272,22 @@ mod tests {
         let files = look(folder.path()).files;
         let wanted =
             Choice { runs: vec!["swing.csv".to_owned(), "gone.csv".to_owned()], ..Choice::default() };
-        let choice = completed(wanted, &files);
+        let choice = completed(wanted, folder.path(), &files);
         assert_eq!(choice.runs, ["swing.csv"]);
         assert_eq!(choice.model.as_deref(), Some("swing.yaml"), "that of its name");
         assert_eq!(choice.channels.as_deref(), Some("map.yaml"), "the only one");
-        let other = completed(Choice::default(), &files);
+        let other = completed(Choice::default(), folder.path(), &files);
         assert_eq!(
             (other.runs, other.model),
             (vec!["other.csv".to_owned()], None),
             "two models: a person chooses"
         );
+        std::fs::write(folder.path().join("swing.yaml"), "").unwrap();
+        let written = completed(choice.clone(), folder.path(), &look(folder.path()).files);
+        assert_eq!(written, choice, "somebody is writing to its file");
+        std::fs::remove_file(folder.path().join("swing.yaml")).unwrap();
+        let gone = completed(choice.clone(), folder.path(), &look(folder.path()).files);
+        assert_eq!(gone.model.as_deref(), Some("rig.yaml"));
         remember(folder.path(), &choice).unwrap();
         assert_eq!(remembered(folder.path()), choice);
         std::fs::write(folder.path().join(REMEMBERED), "{").unwrap();

@@ -106,7 +106,7 @@ impl Workbench {
                 FileKind::Map => wanted.channels = Some(row.path.clone()),
             }
         }
-        inner.choice = project::completed(wanted, &inner.seen.files);
+        inner.choice = project::completed(wanted, &folder, &inner.seen.files);
         let (latest, _) = watch::channel(Utf8Bytes::default());
         let bench = Arc::new(Self { folder, inner: Mutex::new(inner), asked: Condvar::new(), latest });
         bench.change(|inner| {
@@ -287,7 +287,7 @@ impl Workbench {
         }
         self.change(|inner| {
             inner.seen = seen;
-            inner.choice = project::completed(inner.choice.clone(), &inner.seen.files);
+            inner.choice = project::completed(inner.choice.clone(), &self.folder, &inner.seen.files);
             inner.read_model(&self.folder);
         });
     }
