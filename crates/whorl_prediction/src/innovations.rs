@@ -63,6 +63,8 @@ pub(crate) struct Mean<'a> {
     /// Where the present cell of readings ends \[ns\], and what was read in it.
     end_ns: i64,
     pub collected: Collected,
+    /// Mean inputs over the accelerometer's window there.
+    at_end: Option<MeanInputs>,
     /// Until when inputs of the cell are summed up \[ns\], and to what they have come: times seconds.
     from_ns: i64,
     inputs: Inputs,
@@ -92,6 +94,7 @@ impl<'a> Mean<'a> {
             cursor: Cursor::new(&case.tracks),
             end_ns: i64::MIN,
             collected: Collected::default(),
+            at_end: None,
             from_ns: i64::MIN,
             inputs: [0.0; MeanInputs::COUNT],
             sees_inputs: false,
@@ -110,7 +113,8 @@ impl<'a> Mean<'a> {
         self.end_ns = self.case.cell_end_ns(self.cursor.instant_ns(&self.case.tracks)?);
         self.collected.sums.clear();
         (self.from_ns, self.inputs) = (self.plant.now_ns(), [0.0; MeanInputs::COUNT]);
-        self.plant.average_readings(self.case.mean_inputs(self.end_ns));
+        self.at_end = self.case.mean_inputs(self.end_ns);
+        self.plant.average_readings(self.at_end);
         Some(self.end_ns)
     }
 
@@ -121,10 +125,10 @@ impl<'a> Mean<'a> {
             && instant_ns <= end_ns
             && !self.lost
         {
-            self.plant.average_readings(self.case.mean_inputs(instant_ns));
             self.go(instant_ns);
             self.collect(instant_ns);
-            self.plant.average_readings(self.case.mean_inputs(self.end_ns));
+            // What a window of the accelerometer sees is that about the end of the cell for everybody else.
+            self.plant.average_readings(self.at_end);
         }
         self.go(end_ns);
     }
@@ -166,6 +170,9 @@ impl<'a> Mean<'a> {
 
     fn collect(&mut self, instant_ns: i64) {
         self.cursor.take(&self.case.tracks, instant_ns, &mut self.due);
+        if self.due.iter().any(|(track, _)| self.case.tracks[*track].channel == Channel::Accelerometer) {
+            self.plant.average_readings(self.case.mean_inputs(instant_ns));
+        }
         let mut within = std::mem::take(&mut self.within);
         self.read_of(&self.plant, &self.beside, None, &mut within);
         if self.sees_inputs {
