@@ -54,8 +54,30 @@ impl DiagnosisError {
     pub(crate) fn possible<T>(result: Result<T, Self>) -> Result<Option<T>, Self> {
         match result {
             Ok(found) => Ok(Some(found)),
-            Err(Self::Model(_) | Self::Effect(_)) => Ok(None),
+            Err(
+                Self::Model(_)
+                | Self::Effect(_)
+                | Self::Prediction(
+                    PredictionError::Model(_) | PredictionError::Plant(_) | PredictionError::NoModel,
+                ),
+            ) => Ok(None),
             Err(error) => Err(error),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_trial_that_no_platform_can_be_ends_the_trial_alone() {
+        for error in [GyrostatError::NothingLeft.into(), PredictionError::NoModel.into()] {
+            assert_eq!(DiagnosisError::possible::<()>(Err(error)), Ok(None));
+        }
+        assert_eq!(
+            DiagnosisError::possible::<()>(Err(DiagnosisError::NoRecording)),
+            Err(DiagnosisError::NoRecording)
+        );
     }
 }
