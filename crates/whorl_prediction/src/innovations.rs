@@ -170,7 +170,7 @@ impl<'a> Mean<'a> {
 
     fn collect(&mut self, instant_ns: i64) {
         self.cursor.take(&self.case.tracks, instant_ns, &mut self.due);
-        if self.due.iter().any(|(track, _)| self.case.tracks[*track].channel == Channel::Accelerometer) {
+        if self.reads_imu() {
             self.plant.average_readings(self.case.mean_inputs(instant_ns));
         }
         let mut within = std::mem::take(&mut self.within);
@@ -181,12 +181,15 @@ impl<'a> Mean<'a> {
             self.inputs.iter_mut().zip(now).for_each(|(sum, now)| *sum += now * (to_s - from_s));
             self.from_ns = instant_ns;
         }
-        self.collected.add(
-            &within,
-            (self.end_ns - instant_ns) as f64 * 1e-9,
-            self.sees_inputs.then_some(&self.inputs),
-        );
+        let lag_s = (self.end_ns - instant_ns) as f64 * 1e-9;
+        self.collected.add(&within, lag_s, self.sees_inputs.then_some(&self.inputs));
         self.within = within;
+    }
+
+    /// Whether gyro or accelerometer is due: a gyro may be sensitive to force.
+    fn reads_imu(&self) -> bool {
+        let channel = |of: &(usize, usize)| self.case.tracks[of.0].channel;
+        self.due.iter().any(|of| matches!(channel(of), Channel::Gyro | Channel::Accelerometer))
     }
 
     pub fn take_in(&mut self, readings: &Readings, gain: &Gain, told: &mut dyn FnMut(&Innovation)) {
@@ -238,9 +241,7 @@ impl<'a> Mean<'a> {
     ) {
         to.clear();
         let (tracks, n) = (&self.case.tracks, self.layout.plant.size());
-        let inertial =
-            |of: &(usize, usize)| matches!(tracks[of.0].channel, Channel::Gyro | Channel::Accelerometer);
-        let imu = if self.due.iter().any(inertial) { plant.imu_reading() } else { Default::default() };
+        let imu = if self.reads_imu() { plant.imu_reading() } else { Default::default() };
         for (position, sample) in &self.due {
             let track = &tracks[*position];
             if track.channel == Channel::Vector {
