@@ -58,8 +58,7 @@ impl Blocks {
         self.slope.len()
     }
 
-    /// What columns say at the end, of the state at the beginning first, then of parameters and laws: sum of d d^T / S, minus that of d e / S, which is
-    /// d log p by each, and the design.
+    /// At the end, of the state at the beginning, parameters, then laws: sum of d d^T / S, minus that of d e / S (d log p by each), and the design.
     pub fn said(self) -> (DMatrix<f64>, DVector<f64>, Option<Vec<f32>>) {
         (self.information.sum(), -self.slope, self.design)
     }

@@ -223,8 +223,7 @@ impl<'a> Columns<'a> {
                         }
                         // Where one sticks and the other slips the difference says nothing of a small one.
                         let is_alike = other.plant.is_on_branch_of(&stepping.plant);
-                        // The plants know better than derivatives that are held how a state moves on; disturbances they have in
-                        // common.
+                        // Plants know better than derivatives that are held how a state moves on; disturbances they share.
                         let mut moved = [0.0; MOST_STATES];
                         other.plant.motion_less(stepping.plant.state(), &mut moved[..n]);
                         let before = |i: usize| blocks.at(i, column);

@@ -79,11 +79,9 @@ settings! {
     level_first_instants: usize = 1000;
     /// Steps of levels at most.
     level_steps: usize = 8;
-    /// Levels stand when a step would make the run likelier by no more than this (natural logarithm): they are then closer to the likeliest than
-    /// their deviations.
+    /// Levels stand when a step would make the run likelier by no more than this (natural logarithm): they are within their deviations then.
     level_stands_nats: f64 = 0.3;
-    /// A random torque is left out where even the best level of it makes the run likelier by less than this (natural logarithm): it would be
-    /// smaller than its own deviation.
+    /// A random torque is left out whose best level makes the run likelier by less than this (natural logarithm): it is within its own deviation.
     level_seen_nats: f64 = 0.5;
     /// Disturbances are there if they make a run likelier than chance does in 999 of 1000: by half the quantile of a chi-squared variable with
     /// as many degrees as there are torques that show, which is this many deviations of a normal variable.

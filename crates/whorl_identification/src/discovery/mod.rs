@@ -124,8 +124,7 @@ pub fn discover(
     Ok(Discovery { laws: laws?, tried })
 }
 
-/// Each candidate and the model as it is with its probability, most probable first. One that cannot stand is left out: an effect would have to
-/// act against its sign.
+/// Each candidate and the model as it is with its probability, most probable first, without those that would have to act against their sign.
 fn evaluated(selection: &Selection<'_>, candidates: &[Candidate], id: &str) -> Outcome<Vec<EvaluatedLaw>> {
     let (runs, base) = (&selection.runs, selection.base());
     let unknown = |id: &String| DiagnosisError::UnknownEffect(id.clone());

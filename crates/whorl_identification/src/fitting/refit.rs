@@ -44,8 +44,7 @@ pub struct FittedParameter {
     pub estimate: f64,
     /// Standard deviation before the fit; of an effect that the given model does not have the catalogue's, times the size with which it enters.
     pub prior_stddev: f64,
-    /// Standard deviation of the estimate: not above that of the prior; of a constant of the platform that of the prior, where the
-    /// fit leaves something unexplained.
+    /// Standard deviation of the estimate: not above that of the prior; of the platform's constants that one where something is left unexplained.
     pub stddev: f64,
     /// Standard deviation of the posterior itself.
     pub posterior_stddev: f64,

@@ -127,8 +127,7 @@ pub(crate) struct Grammar {
 }
 
 impl Grammar {
-    /// A law of each group, about one axis and about all of them at once; `with_sums`: and any function of each variable that all its groups
-    /// make together. No group is empty.
+    /// A law of each group, none empty, about one axis and all at once; `with_sums`: and any function of each variable that its groups make together.
     pub fn new(quantities: Vec<Quantity>, groups: Vec<Vec<Term>>, with_sums: bool) -> Self {
         let mut columns = Vec::new();
         for (group, terms) in groups.iter().enumerate() {
@@ -203,8 +202,7 @@ pub(crate) struct At<'a> {
     pub values: [f64; MOST_QUANTITIES],
     /// From -1 at the beginning of the run to 1 at its end.
     pub time_in_run: f64,
-    /// Torque of the jets that are open, that have opened and that have closed just now, body axes [N m]: as they are commanded, behind the
-    /// delays of the valves.
+    /// Torque of the jets that are open, that have opened and that have closed just now, body axes [N m]: as commanded, behind the valves' delays.
     pub jets_b_n_m: [Vector3<f64>; 3],
     pub jets_open: f64,
 }

@@ -63,8 +63,7 @@ pub struct Identification {
     pub determined: [Determined; MASS_PARAMETERS],
     /// Parameters of the model's effects, and constants of the actuators as corrections of the model's.
     pub others: Vec<FittedParameter>,
-    /// Prediction error with the given model, the same as `whorl compare` prints; 1 = as good as the model says. `None` if no
-    /// run is long enough.
+    /// Prediction error with the given model, as `whorl compare` prints it; 1 = as good as it says. `None` if no run is long enough.
     pub error_before: Option<f64>,
     /// The same with what was identified.
     pub error_after: Option<f64>,
@@ -87,8 +86,7 @@ impl Identification {
     }
 
     /// The model and its prior with everything that was fitted, all together, since it was found together; `None` if a finding is fatal.
-    /// Parameters that were not determined keep the prior's values. An effect that the model does not have is not added: adopting one
-    /// is a decision of its own.
+    /// Parameters that were not determined keep the prior's values. An effect that the model does not have is not added: that is to be adopted.
     pub fn updated(&self) -> Option<(PlatformModel, ModelPrior)> {
         self.usable().then(|| (self.fit.model.clone(), self.fit.prior.clone()))
     }

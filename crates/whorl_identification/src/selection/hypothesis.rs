@@ -263,10 +263,12 @@ fn starts(refit: &Refit<'_>, hypothesis: &Hypothesis, others: &[&Evaluated]) -> 
     let of_others = others.iter().flat_map(|other| [from(other, true), from(other, false)]);
     let mut starts: Vec<Vec<f64>> = std::iter::once(found.clone()).chain(of_others).collect();
     starts.dedup();
-    // With states of its own no levels of another set fit, and each start would have to find its own.
+    // With states of its own no levels of another set fit, and each start would have to find its own. Beside values that another set has bent to what it
+    // lacks, a platform may have no room for the effect; together they were found to.
     if has_hidden_states(refit, hypothesis) {
         starts.truncate(2);
-        starts.drain(..starts.len() - 1);
+        let last_possible = starts.iter().rposition(|at| refit.model_at(at).is_some());
+        starts = vec![starts.swap_remove(last_possible.unwrap_or(0))];
     }
     starts
 }

@@ -202,8 +202,7 @@ impl Fit {
         let inverse = Gyrostat::new(model)
             .map_or_else(|_| Matrix3::zeros(), |of| *of.rate_equation().inverse_resisting());
         let (u1, u2) = (inverse * e1, inverse * axis.cross(&e1));
-        // What 1 kg m^2 adds at two phases a quarter turn apart. The rate is the torque's integral over a turn: Om^2 becomes Om, a
-        // quarter turn later.
+        // What 1 kg m^2 adds at two phases a quarter turn apart. The rate is the torque's integral: Om^2 becomes Om, a quarter turn later.
         let turned = |index: usize| {
             let (speed, angle) = fast.run.motion.wheel_at(wheel, fast.grid.time(index));
             let (s, c) = (order * angle).sin_cos();

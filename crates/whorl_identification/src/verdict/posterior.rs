@@ -8,8 +8,7 @@ use crate::signals::remains_of;
 use crate::verdict::diagnosis::{FittedSet, ParameterOfSet, Termination, Unknown, Verdict};
 use crate::{Outcome, Settings};
 
-/// Deviations, over those of a certain line, from which a periodicity that no effect explains is one: beside no effect, and beside some, whose
-/// formulas leave lines.
+/// Deviations, over those of a certain line, from which an unexplained periodicity is one: beside no effect, and beside some, which leave lines.
 const PERIODIC: [f64; 2] = [1.5, 2.0];
 /// Share of the evidence of an effect above which its residual is another law, over that which its own formula may leave: twice its error.
 const OF_OTHER_LAW: f64 = 4.0;

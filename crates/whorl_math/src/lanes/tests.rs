@@ -101,3 +101,27 @@ fn a_covariance_without_a_turn_has_none_left() {
     project.view_mut((0, 0), (3, 3)).copy_from(&turn);
     assert!((lanes.matrix(6, 6) - &project * &p * project.transpose()).amax() < 1e-14);
 }
+
+/// What swings at W has eigenvalues of size W in whatever units its angle and its rate are, beside slower and faster things.
+#[test]
+fn the_fastest_rate_knows_no_units() {
+    for swings_1_s in [0.05, 9.0, 2.0 * std::f64::consts::PI * 15.0] {
+        for unit in [1e-3, 1.0, 50.0] {
+            for fades_1_s in [0.2 * swings_1_s, 8.0 * swings_1_s] {
+                let mut motion = DMatrix::zeros(4, 4);
+                motion[(0, 1)] = unit;
+                motion[(1, 0)] = -swings_1_s * swings_1_s / unit;
+                motion[(1, 1)] = -0.01 * swings_1_s;
+                // An integral, and something that only fades.
+                motion[(2, 1)] = 1.0;
+                motion[(3, 3)] = -fades_1_s;
+                let expected = fades_1_s.max(swings_1_s);
+                let found = fastest_rate_1_s(&motion);
+                assert!((found / expected - 1.0).abs() < 0.25, "{swings_1_s} {unit} {fades_1_s}: {found}");
+            }
+        }
+    }
+    // Nothing but integrals.
+    let integrals = DMatrix::from_fn(3, 3, |i, k| if k == i + 1 { 1e4 } else { 0.0 });
+    assert_eq!(fastest_rate_1_s(&integrals), 0.0);
+}

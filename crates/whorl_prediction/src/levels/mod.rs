@@ -117,8 +117,7 @@ pub(crate) enum Fit {
     None,
     /// With levels of another model: torques of all correlation times are tried again, of which those that a worse one had hidden may show by now.
     Begun,
-    /// Values still move. What the model without disturbances makes of a run is asked for at the end alone: while it is far from explaining it, what was known
-    /// before stands.
+    /// Values still move. What the model without disturbances makes of a run is asked for at the end alone: before, what was known of it stands.
     OnWay,
 }
 

@@ -83,6 +83,25 @@ fn a_sensor_is_told_from_a_torque() {
     assert_eq!(diagnosis.kind.as_deref(), Some("sensor"));
 }
 
+/// A model without it takes the inertia for what moves at once: beside that there is no room for a panel that moves along later.
+#[test]
+#[ignore = "slow: the diagnosis of an appendage"]
+fn an_appendage_of_half_the_platform_is_named() {
+    let inertia_kg_m2 = PlatformModel::whorl_1_reference().mass_properties.inertia_b_kg_m2()[(0, 0)];
+    let panel = [
+        ("participation_x_sqrt_kg_m", (0.5 * inertia_kg_m2).sqrt()),
+        ("frequency_hz", 1.5),
+        ("damping_ratio", 0.01),
+    ];
+    let diagnosis = diagnosis_of(&[("flexible_mode", &panel)], 27, 30.0);
+    assert_eq!(diagnosis.verdict, Verdict::Named, "{:?}", diagnosis.unknown);
+    assert_eq!(diagnosis.effects, ["flexible_mode"]);
+    for ((name, truth), found) in panel.iter().zip(&diagnosis.candidates[0].parameters) {
+        assert_eq!(*name, found.name);
+        assert!((found.estimate.abs() - truth).abs() < 4.0 * found.stddev, "{found:?}");
+    }
+}
+
 /// Nobody knows the field in another room: its direction about the axes of the world is found with the dipole.
 #[test]
 #[ignore = "slow: the diagnosis of a dipole in another field"]
