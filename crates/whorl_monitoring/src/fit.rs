@@ -6,7 +6,7 @@ use whorl_recording::Component;
 /// Angular acceleration of a background torque that nobody would miss in a model [rad/s^2]: a tenth of a usual disturbance's, 5 mN m at 8.6 kg m^2.
 const BACKGROUND_RAD_S2: f64 = 5.8e-5;
 /// A break of the model is looked for from every multiple of this on \[s\].
-pub(crate) const START_EVERY_S: f64 = 30.0;
+pub(crate) const START_EVERY_S: f64 = 40.0;
 
 /// Settings of a monitor.
 #[derive(Debug, Clone, PartialEq)]

@@ -94,6 +94,9 @@ impl Monitor {
     /// State of the valves at `stamp_ns`, and how long each was driven in all \[s\], finite: a message that is lost loses no pulse.
     pub fn on_valves(&mut self, stamp_ns: i64, open: &[bool], total_on_time_s: &[f64]) {
         let since_s = self.heard(Source::Valves, stamp_ns);
+        if self.valves.as_ref().is_some_and(|(was, before_s)| was == open && before_s == total_on_time_s) {
+            return self.compare();
+        }
         let before = self.valves.replace((open.to_vec(), total_on_time_s.to_vec()));
         let low_pa = LOW_STDDEVS * self.model.sensors.tank_pressure.stddev();
         let is_low = self.pressure_pa.is_some_and(|measured_pa| measured_pa <= low_pa);

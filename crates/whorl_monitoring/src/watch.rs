@@ -12,7 +12,7 @@ use crate::evidence::{Evidence, ln_sum};
 use crate::fit::{Fit, START_EVERY_S, State};
 
 /// Starts that are followed at once: what broke longer ago than two minutes is for the diagnosis to find.
-const STARTS: usize = 4;
+const STARTS: usize = 3;
 /// Time over which the background torque forgets itself \[s\].
 const BACKGROUND_S: f64 = 20.0;
 /// What one pulse of a jet may differ from the next, and a motor's torque from one moment to the next, relative.

@@ -76,13 +76,6 @@ pub trait NodeCore: Send {
     /// counted in it. Stamps of messages are the same time: the shell translates them where they come in and go out.
     fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs);
 
-    /// True for a core that neither publishes nor logs on a message: what it has to say it says at its timer. Whoever
-    /// runs it may then give it messages late, as long as it has all of them, with their times, before its next event
-    /// of another kind. It must not change while the core lives.
-    fn speaks_at_timer_only(&self) -> bool {
-        false
-    }
-
     /// True once the node has finished its task; a shell may then stop it.
     fn finished(&self) -> bool {
         false

@@ -7,7 +7,6 @@ use whorl_msgs::topics::{Message, PlatformId, Route, Topic};
 use whorl_node::{Event, LogLine, NodeCore, Outputs, Timestamp};
 
 use crate::agenda::Agenda;
-use crate::apart::{Apart, OwnEvent};
 use crate::link::{Host, Link, LinkParameters};
 
 /// Observes all events, in order of time.
@@ -31,16 +30,10 @@ pub trait Observer {
 struct Node {
     name: String,
     host: Host,
-    runs: Runs,
+    core: Box<dyn NodeCore>,
     timer_period: Option<Duration>,
     /// Offset of its clock from simulated time \[ns\].
     ahead_ns: i64,
-}
-
-/// Where a node runs; the results are the same.
-enum Runs {
-    Here(Box<dyn NodeCore>),
-    Apart(Apart),
 }
 
 impl Node {
@@ -67,7 +60,6 @@ pub struct Bus {
     outputs: Outputs,
     stepped: Vec<usize>,
     link_messages: u64,
-    threads: bool,
 }
 
 impl Bus {
@@ -91,16 +83,7 @@ impl Bus {
             outputs: Outputs::default(),
             stepped: Vec::new(),
             link_messages: 0,
-            threads: false,
         }
-    }
-
-    /// Lets nodes that are added from now on run in threads of their own where that changes nothing
-    /// ([`NodeCore::speaks_at_timer_only`]).
-    #[must_use]
-    pub fn with_threads(mut self, threads: bool) -> Self {
-        self.threads = threads;
-        self
     }
 
     /// Adds a node whose timer first fires `phase` after the start.
@@ -115,9 +98,7 @@ impl Bus {
         if timer_period.is_some() {
             self.agenda.enter(self.now + phase, (index, Delivery::Timer));
         }
-        let apart = self.threads && core.speaks_at_timer_only();
-        let runs = if apart { Runs::Apart(Apart::new(core)) } else { Runs::Here(core) };
-        self.nodes.push(Node { name: name.into(), host, runs, timer_period, ahead_ns: 0 });
+        self.nodes.push(Node { name: name.into(), host, core, timer_period, ahead_ns: 0 });
     }
 
     /// Sets the clock offset of a computer against simulated time \[s\], for nodes that were added before.
@@ -142,11 +123,7 @@ impl Bus {
     /// Whether the named node has finished its work.
     #[must_use]
     pub fn finished(&self, name: &str) -> bool {
-        let finished = |node: &Node| match &node.runs {
-            Runs::Here(core) => core.finished(),
-            Runs::Apart(apart) => apart.finished(),
-        };
-        self.nodes.iter().any(|node| node.name == name && finished(node))
+        self.nodes.iter().any(|node| node.name == name && node.core.finished())
     }
 
     /// Delivers all events up to and including `until`.
@@ -164,13 +141,6 @@ impl Bus {
                     self.step(index, Event::Timer, observer)?;
                 }
                 Delivery::Message { route, message } => {
-                    let node = &mut self.nodes[index];
-                    let shown = node.shown(self.now);
-                    if let Runs::Apart(apart) = &mut node.runs {
-                        observer.stepping(shown, &node.name, &Event::Message { route, message: &message });
-                        apart.message(shown, route, message);
-                        continue;
-                    }
                     self.step(index, Event::Message { route, message: &message }, observer)?;
                 }
             }
@@ -198,17 +168,7 @@ impl Bus {
         let node = &mut self.nodes[index];
         let shown = node.shown(self.now);
         observer.stepping(shown, &node.name, &event);
-        match (&mut node.runs, event) {
-            (Runs::Here(core), event) => core.step(shown, event, &mut outputs),
-            (Runs::Apart(apart), Event::Timer) => {
-                outputs = apart.own_event(shown, OwnEvent::Timer, outputs);
-            }
-            (Runs::Apart(apart), Event::Shutdown) => {
-                outputs = apart.own_event(shown, OwnEvent::Shutdown, outputs);
-            }
-            // Messages were handed over by the caller; nothing else happens in a simulation.
-            (Runs::Apart(_), _) => {}
-        }
+        node.core.step(shown, event, &mut outputs);
         let host = node.host;
         for line in &outputs.log {
             observer.logged(self.now, &self.nodes[index].name, line);
@@ -236,7 +196,7 @@ impl Bus {
                 self.link_messages += 1;
                 self.link.delay(self.now, [from, self.nodes[node].host])
             };
-            // Counting holders across threads is expensive: the last receiver gets this one.
+            // The last receiver gets this one.
             let own = if k == last { message.take() } else { message.clone() };
             if let Some((delay, message)) = delay.zip(own) {
                 self.agenda.enter(self.now + delay, (node, Delivery::Message { route, message }));

@@ -4,7 +4,6 @@
 //! same outputs to the bit, whatever the machine's load.
 
 mod agenda;
-mod apart;
 mod bus;
 mod link;
 mod node_set;

@@ -179,21 +179,6 @@ impl NodeSet {
     /// # Errors
     /// All errors in the parameters of any node; or why a node cannot start.
     pub fn build(tree: &ParameterTree, seed: u64, start: Timestamp) -> Result<Self, NodeSetError> {
-        // What watches alone does not hold the simulation up where there is a processor for it.
-        let threads = std::thread::available_parallelism().is_ok_and(|processors| processors.get() > 1);
-        Self::build_on_threads(tree, seed, start, threads)
-    }
-
-    /// The same, with or without threads for nodes that can have one; the results are the same to the bit.
-    ///
-    /// # Errors
-    /// As [`Self::build`].
-    pub fn build_on_threads(
-        tree: &ParameterTree,
-        seed: u64,
-        start: Timestamp,
-        threads: bool,
-    ) -> Result<Self, NodeSetError> {
         let mut builder = Builder { tree, effective: String::new(), errors: Vec::new() };
         let Formation { platforms } = tree.formation();
         let seed_value = Value::Integer(i64::try_from(seed).unwrap_or(i64::MAX));
@@ -242,8 +227,7 @@ impl NodeSet {
         let Some(simulation) = simulation else {
             return Err(failed("/simulation", "incomplete parameters"));
         };
-        let mut bus = Bus::new(start, platforms.len(), simulation.local_delay, simulation.link, seed)
-            .with_threads(threads);
+        let mut bus = Bus::new(start, platforms.len(), simulation.local_delay, simulation.link, seed);
         for (name, host, start) in starts {
             bus.add(name, host, start()?, Duration::ZERO);
         }

@@ -245,11 +245,6 @@ impl NodeCore for ModelMonitorCore {
         Some(Duration::from_secs_f64(1.0 / self.parameters.rate_hz))
     }
 
-    /// One that does not watch has nothing to do that a thread would be worth.
-    fn speaks_at_timer_only(&self) -> bool {
-        self.monitor.is_ok()
-    }
-
     fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs) {
         match event {
             Event::Message { route, message } => self.take(now, route, message),

@@ -1,4 +1,4 @@
-//! The node set in one process, on clocks that differ, with mass properties estimated, without a ground station, on threads;
+//! The node set in one process, on clocks that differ, with mass properties estimated, without a ground station;
 //! parameters that no node takes.
 
 mod clocks;
@@ -6,4 +6,3 @@ mod mass_properties;
 mod model_monitor;
 mod on_platforms;
 mod refused;
-mod threads;

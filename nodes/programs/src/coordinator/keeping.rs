@@ -143,10 +143,6 @@ impl NodeCore for Keeping {
         }
     }
 
-    fn speaks_at_timer_only(&self) -> bool {
-        self.core.speaks_at_timer_only()
-    }
-
     fn finished(&self) -> bool {
         self.core.finished()
     }
