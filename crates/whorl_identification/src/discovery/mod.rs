@@ -7,9 +7,11 @@ mod law;
 #[cfg(test)]
 mod tests;
 
+use std::collections::BTreeSet;
+
 use serde::Serialize;
 use whorl_dynamics::effects::written::{Definition, WrittenEffect};
-use whorl_dynamics::effects::{find, register, withdraw};
+use whorl_dynamics::effects::{find, register_secret, withdraw};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_recording::Recording;
 
@@ -115,10 +117,10 @@ pub fn discover(
     }));
     say(0.5, "fitting the best laws");
     let definitions = || candidates.iter().filter_map(|of| of.law.definition.as_ref());
-    let registered = definitions().try_for_each(|definition| -> Outcome<()> {
-        register(WrittenEffect::new(definition.clone())?)?;
-        Ok(())
-    });
+    // What is only tried is in nobody's catalogue.
+    let tried_effect =
+        |of: &Definition| -> Outcome<_> { Ok(register_secret(WrittenEffect::new(of.clone())?)?) };
+    let registered = definitions().try_for_each(|definition| tried_effect(definition).map(drop));
     let laws = registered.and_then(|()| evaluated(&selection, &candidates, id));
     definitions().for_each(|definition| withdraw(&definition.id));
     Ok(Discovery { laws: laws?, tried })
@@ -131,7 +133,8 @@ fn evaluated(selection: &Selection<'_>, candidates: &[Candidate], id: &str) -> O
     let known = |id: &String| Ok(find(id).ok_or_else(|| unknown(id))?.info().id);
     let sets = candidates.iter().map(|of| of.effects.iter().map(known).collect());
     let sets: Vec<Vec<&'static str>> = sets.collect::<Result<_, DiagnosisError>>()?;
-    let beside = selection.beside_of(base, &|id| sets.iter().flatten().any(|of| *of == id))?;
+    let asked: BTreeSet<&str> = sets.iter().flatten().copied().collect();
+    let beside = selection.beside_of(base, asked.into_iter().filter_map(find).collect())?;
     let has_held_out = !runs.held_out.is_empty();
     let nothing = EvaluatedLaw {
         sentence: "The model as it is, with a slow random torque where the data need one.".to_owned(),

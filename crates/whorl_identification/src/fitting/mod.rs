@@ -38,7 +38,7 @@ pub fn fit(
     let selection = Selection::begun(case.runs(), options)?;
     let Some(first) = chosen.first() else { return selection.base().fit(&case.reference) };
     let ids: Vec<&'static str> = chosen.iter().map(|effect| effect.info().id).collect();
-    let beside = selection.beside_of(selection.base(), &|id| ids.contains(&id))?;
+    let beside = selection.beside_of(selection.base(), chosen.clone())?;
     let hypothesis = beside.and_then(|beside| beside.with(&ids));
     let nothing = || DiagnosisError::NoEffect(first.info().id.to_owned());
     let found = selection.runs.evaluate(hypothesis.ok_or_else(nothing)?, &[selection.base()])?;

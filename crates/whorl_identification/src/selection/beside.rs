@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 
 use nalgebra::DVector;
 use whorl_dynamics::Effect;
-use whorl_dynamics::effects::{Clues, Direction, catalogue, find};
+use whorl_dynamics::effects::{Clues, Direction, find};
 use whorl_prediction::{Followed, Hints, Laws, Parameter, hints};
 use whorl_recording::Recording;
 
@@ -68,12 +68,12 @@ pub(crate) struct Beside<'a> {
 }
 
 impl<'a> Beside<'a> {
-    /// Of the effects that `is_asked` chooses; `None` where the samples say nothing.
+    /// Of the effects that are `asked` for, each once; `None` where the samples say nothing.
     pub fn new(
         runs: &Runs<'a>,
         set: &Evaluated,
         clues: &Clues<'_>,
-        is_asked: &dyn Fn(&str) -> bool,
+        asked: Vec<&'static dyn Effect>,
     ) -> Outcome<Option<Self>> {
         let reference = runs.reference;
         let step = reference.settings.prediction.fit_difference;
@@ -89,9 +89,9 @@ impl<'a> Beside<'a> {
             let id = effect.info().id;
             let is_in_model = reference.model.effects.contains_key(id) && !effect.is_base();
             let is_new = !is_in_model && !set.names().contains(&id);
-            is_new && is_asked(id) && runs.available.can_test(*effect)
+            is_new && runs.available.can_test(*effect)
         };
-        let mut open: Vec<&'static dyn Effect> = catalogue().iter().copied().filter(is_open).collect();
+        let mut open: Vec<&'static dyn Effect> = asked.into_iter().filter(is_open).collect();
         open.sort_by_key(|effect| is_hidden(*effect));
         let mut entries: Vec<Entry> = set.columns.iter().cloned().map(Entry::of_column).collect();
         let (mut offered, mut carried) = (Vec::new(), Vec::new());

@@ -12,7 +12,7 @@ use whorl_recording::Recording;
 use crate::case::Case;
 use crate::fitting::normal_equations::{Estimate, Normal};
 use crate::parameter_space::available::Available;
-use crate::selection::{Beside, Runs, SIZES, Selection, is_excluded, log_prior, size_penalty_nats};
+use crate::selection::{Beside, Runs, SIZES, Selection, log_prior, looked_for, size_penalty_nats};
 use crate::{DiagnosisError, Options, Outcome};
 
 /// Information in data on which explanation is true: as it is, or as it is expected to be.
@@ -55,7 +55,7 @@ pub fn expected_information(
     // That of no effects where it cannot enter.
     let leading = if leading.is_empty() { None } else { selection.with(&leading)? };
     let (set, runs) = (leading.as_ref().unwrap_or(selection.base()), &selection.runs);
-    let Some(beside) = selection.beside_of(set, &|id| !is_excluded(options, id))? else {
+    let Some(beside) = selection.beside_of(set, looked_for(options))? else {
         let nothing = ExpectedInformation::default();
         return Ok((nothing.clone(), vec![nothing; further.len()]));
     };

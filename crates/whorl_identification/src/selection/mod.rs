@@ -6,7 +6,8 @@ pub(crate) mod hypothesis;
 pub(crate) mod information;
 pub(crate) mod unlisted;
 
-use whorl_dynamics::effects::{Clues, find};
+use whorl_dynamics::Effect;
+use whorl_dynamics::effects::{Clues, catalogue, find};
 
 use crate::signals::lines::Lines;
 use crate::signals::seen::Seen;
@@ -56,7 +57,7 @@ impl<'a> Selection<'a> {
             };
             if !selection.beside.as_ref().is_some_and(is_known) {
                 progress(selection.progress("comparing every sample with every effect"));
-                selection.beside = selection.beside_of(&most, &|id| !is_excluded(options, id))?;
+                selection.beside = selection.beside_of(&most, looked_for(options))?;
             }
             let is_new = !expanded.iter().any(|names| names == most.names());
             let has_room = most.names().len() < options.largest_set && selection.evaluated.len() < MOST_FITS;
@@ -100,8 +101,8 @@ impl<'a> Selection<'a> {
         &self.evaluated[0]
     }
 
-    /// What the samples say beside a set of those effects that `is_asked` chooses.
-    pub fn beside_of(&self, set: &Evaluated, is_asked: &dyn Fn(&str) -> bool) -> Outcome<Option<Beside<'a>>> {
+    /// What the samples say beside a set of these effects.
+    pub fn beside_of(&self, set: &Evaluated, asked: Vec<&'static dyn Effect>) -> Outcome<Option<Beside<'a>>> {
         let states = || self.observed.iter().filter(|run| !run.clamped).flat_map(|run| &run.motion.states);
         let rates = states().map(|state| state.omega_wb_b_rad_s.amax());
         let tilts = states().map(|state| whorl_math::tilt_rad(&state.q_world_body));
@@ -113,13 +114,13 @@ impl<'a> Selection<'a> {
             sensor_lines_hz: &self.lines.hz,
             resonances: &self.lines.resonances,
         };
-        Beside::new(&self.runs, set, &clues, is_asked)
+        Beside::new(&self.runs, set, &clues, asked)
     }
 
     /// The set of these effects, fitted from where the samples have them enter beside none; `None` where they do not.
     pub fn with(&self, ids: &[&'static str]) -> Outcome<Option<Evaluated>> {
         let base = self.base();
-        let beside = self.beside_of(base, &|id| ids.contains(&id))?;
+        let beside = self.beside_of(base, ids.iter().filter_map(|id| find(id)).collect())?;
         let Some(hypothesis) = beside.and_then(|beside| beside.with(ids)) else { return Ok(None) };
         DiagnosisError::possible(self.runs.evaluate(hypothesis, &[base]))
     }
@@ -214,6 +215,11 @@ pub(crate) fn log_prior<S: AsRef<str>>(set: &[S], settings: &Settings) -> f64 {
 fn size_penalty_nats(size: f64, settings: &Settings) -> f64 {
     let rare = if size >= settings.unusual_size { settings.unusual_odds.ln() } else { 0.0 };
     (SIZES.len() as f64).ln() + rare
+}
+
+/// The effects of the catalogue that are not excluded.
+pub(crate) fn looked_for(options: &Options) -> Vec<&'static dyn Effect> {
+    catalogue().iter().copied().filter(|effect| !is_excluded(options, effect.info().id)).collect()
 }
 
 fn is_excluded(options: &Options, id: &str) -> bool {
