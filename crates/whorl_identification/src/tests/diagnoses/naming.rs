@@ -83,7 +83,7 @@ fn a_sensor_is_told_from_a_torque() {
     assert_eq!(diagnosis.kind.as_deref(), Some("sensor"));
 }
 
-/// A model without it takes the inertia for what moves at once: beside that there is no room for a panel that moves along later.
+/// A model without it takes the inertia for what moves at once.
 #[test]
 #[ignore = "slow: the diagnosis of an appendage"]
 fn an_appendage_of_half_the_platform_is_named() {
