@@ -94,6 +94,7 @@ impl Monitor {
     /// State of the valves at `stamp_ns`, and how long each was driven in all \[s\], finite: a message that is lost loses no pulse.
     pub fn on_valves(&mut self, stamp_ns: i64, open: &[bool], total_on_time_s: &[f64]) {
         let since_s = self.heard(Source::Valves, stamp_ns);
+        // Nothing was driven.
         if self.valves.as_ref().is_some_and(|(was, before_s)| was == open && before_s == total_on_time_s) {
             return self.compare();
         }

@@ -1,6 +1,11 @@
 //! Laws that a plant was given in closed form, to be found again.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
 use nalgebra::{UnitQuaternion, Vector3};
+use whorl_dynamics::Effect;
+use whorl_dynamics::effects::catalogue;
 use whorl_dynamics::{InitialState, ModelPrior, Plant, PlatformModel};
 use whorl_recording::{Recording, Series, VectorChannel};
 
@@ -71,7 +76,22 @@ fn found(id: &str, torque: impl Fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>
     let held_out = [recorded(&model, 3, torque)];
     let prior = ModelPrior::typical(&model);
     let named = [vec!["bearing_viscous_friction".to_owned()]];
-    discover(&training, &held_out, &model, &prior, &named, id, &Options::default(), &mut |_, _| {}).unwrap()
+    let is_done = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        // What is only tried is in the catalogue at no time: who diagnoses meanwhile would take it for an effect.
+        let listed = scope.spawn(|| {
+            let is_tried = |effect: &&dyn Effect| effect.info().id.starts_with(&format!("{id}_candidate_"));
+            while !is_done.load(Ordering::Relaxed) {
+                assert!(!catalogue().iter().any(is_tried));
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        });
+        let options = Options::default();
+        let found = discover(&training, &held_out, &model, &prior, &named, id, &options, &mut |_, _| {});
+        is_done.store(true, Ordering::Relaxed);
+        listed.join().unwrap();
+        found.unwrap()
+    })
 }
 
 #[test]

@@ -248,7 +248,7 @@ impl Runs<'_> {
 }
 
 /// Where a fit begins: as proposed, and so with what other sets have in common with it as it is there, with and without what is new.
-fn starts(refit: &Refit<'_>, hypothesis: &Hypothesis, others: &[&Evaluated]) -> Vec<Vec<f64>> {
+pub(super) fn starts(refit: &Refit<'_>, hypothesis: &Hypothesis, others: &[&Evaluated]) -> Vec<Vec<f64>> {
     let found = refit.units_of(&hypothesis.point);
     let from = |other: &Evaluated, with_new: bool| -> Vec<f64> {
         let units = |(column, found): (&Column, &f64)| {

@@ -1,4 +1,17 @@
+use std::collections::BTreeMap;
+
+use nalgebra::DMatrix;
+use whorl_dynamics::effects::find;
+use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_prediction::Fitted;
+
+use super::hypothesis::starts;
+use super::{Evaluated, Hypothesis};
 use crate::Settings;
+use crate::fitting::refit::{Entered, Refit};
+use crate::parameter_space::Reference;
+use crate::parameter_space::available::Available;
+use crate::tests::diagnoses::generator::record;
 
 fn is_borne_out(own: f64, held: f64, expected: impl Into<Option<f64>>) -> bool {
     super::is_borne_out(own, held, expected.into(), &Settings::default())
@@ -17,4 +30,60 @@ fn held_out_data_must_gain_what_they_would_if_the_effect_were_there() {
     assert!(!is_borne_out(100.0, -15.0, 0.5));
     // Where nobody knows what to expect, only that counts.
     assert!(is_borne_out(100.0, -10.0, None) && !is_borne_out(100.0, -15.0, None));
+}
+
+/// A panel on a slant that has nine tenths of the inertia: beside the given one there is room for it, and beside one that a model without it
+/// was bent to there is none.
+#[test]
+fn a_fit_of_hidden_states_begins_where_a_platform_can_be() {
+    let model = PlatformModel::whorl_1_reference();
+    let available = Available::of(&[record(&model, 1, 2.0, None)], &model);
+    let inertia_kg_m2 = model.mass_properties.inertia_b_kg_m2()[(0, 0)];
+    let (prior, settings) = (ModelPrior::typical(&model), Settings::default());
+    let reference = Reference { model, prior, settings };
+    let effect = find("flexible_mode").unwrap();
+    let participation = (0.45 * inertia_kg_m2).sqrt();
+    let values = vec![participation, participation, 0.0, 1.5, 0.01];
+    let entered = BTreeMap::from([("flexible_mode", Entered { indices: vec![0, 1, 3, 4], size: 1.0 })]);
+    let mut point = reference.point();
+    point.insert("flexible_mode", values);
+    let hypothesis = Hypothesis { effects: vec!["flexible_mode"], point, entered, choices_nats: 0.0 };
+    let own = Refit::own(&reference, &available);
+    let mut refit = own.clone();
+    refit.add(effect, &hypothesis.point, hypothesis.entered.get("flexible_mode"));
+    let of_share = |share: f64| {
+        let mut at = vec![0.0; own.columns.len()];
+        at[0] = (share - 1.0) * inertia_kg_m2 / own.columns[0].scale;
+        assert!(own.model_at(&at).is_some(), "the platform without the panel");
+        let n = at.len();
+        let fitted = Fitted {
+            at,
+            covariance: DMatrix::identity(n, n),
+            at_bound: vec![false; n],
+            followed: Vec::new(),
+            log_posterior: 0.0,
+            log_posterior_before: 0.0,
+            log_evidence: 0.0,
+            stands: true,
+        };
+        let base = Evaluated {
+            hypothesis: Hypothesis::default(),
+            fitted,
+            columns: own.columns.clone(),
+            stddevs: own.stddevs.clone(),
+            held_out: Vec::new(),
+            log_evidence: 0.0,
+            held_out_log: 0.0,
+            held_out_expected: None,
+            seconds: 0.0,
+        };
+        let starts = starts(&refit, &hypothesis, &[&base]);
+        assert!(starts.len() == 1 && refit.model_at(&starts[0]).is_some(), "{share}: {starts:?}");
+        (starts[0][0], base.fitted.at[0])
+    };
+    // Beside the other set where that can be; else as proposed.
+    let (begins, of_base) = of_share(0.98);
+    assert_eq!(begins, of_base);
+    let (begins, of_base) = of_share(0.8);
+    assert!(begins == 0.0 && of_base < 0.0, "{begins}");
 }

@@ -1,6 +1,6 @@
 mod balance;
 mod contact;
-mod diagnoses;
+pub(crate) mod diagnoses;
 mod identification;
 mod normal_equations;
 mod sequential;
