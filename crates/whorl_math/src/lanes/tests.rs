@@ -125,3 +125,15 @@ fn the_fastest_rate_knows_no_units() {
     let integrals = DMatrix::from_fn(3, 3, |i, k| if k == i + 1 { 1e4 } else { 0.0 });
     assert_eq!(fastest_rate_1_s(&integrals), 0.0);
 }
+
+/// A motion that is lost has no numbers, and is nobody's neighbour: what is beside the columns of a row stays out.
+#[test]
+fn a_step_of_a_lost_motion_stays_within_its_columns() {
+    let motion = DMatrix::from_fn(3, 3, |i, k| if (i, k) == (1, 2) { f64::INFINITY } else { 0.1 });
+    let mut step = Step::new(3, 5);
+    step.make(&motion, &[1.0; 3], None, &[], 0.1);
+    assert_eq!(step.transition.count(), 3);
+    assert!(step.transition.entries().all(|(_, column, _)| column < 3));
+    let mut covariance = Lanes::of(&DMatrix::identity(5, 5));
+    covariance.grow(&step.transition, Some(&step.noise));
+}

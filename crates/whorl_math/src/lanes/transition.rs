@@ -87,7 +87,8 @@ impl Step {
             }
         }
         self.transition.clear();
-        (0..moving).for_each(|i| self.transition.push(self.sum.row(i).iter().copied()));
+        // What is beside the columns is no number either where a motion is none.
+        (0..moving).for_each(|i| self.transition.push(self.sum.row(i)[..moving].iter().copied()));
     }
 }
 
