@@ -17,6 +17,7 @@ pub mod plant;
 pub mod platform;
 pub mod realisability;
 pub mod sensing;
+mod supplies;
 #[cfg(test)]
 mod validation;
 
@@ -28,3 +29,4 @@ pub use mass_parameters::{MassCovariance, MassVector};
 pub use mass_properties::{INERTIA_TOLERANCE, MassProperties};
 pub use plant::{CommandError, InitialState, JetFailure, Plant, PlantError, Pulse, TrueMotion, Truth};
 pub use platform::{Freedom, ModelPrior, PlatformModel};
+pub use supplies::{Course, MeasuredSupplies};

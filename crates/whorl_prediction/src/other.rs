@@ -67,7 +67,8 @@ impl<'a> Other<'a> {
         let is_told_the_same = case.driven.is_none() && has_same_valves;
         let told = (!is_told_the_same).then(|| Commands::along(case.recording, &own, case.driven.as_ref()));
         let commands = told.as_ref().unwrap_or(&case.commands);
-        let plant = plant_before(case.recording, &model, commands, case.first_ns(), case.clamped)?;
+        let supplies = of_case.supplies().clone();
+        let plant = plant_before(&model, commands, case.first_ns(), case.clamped, supplies)?;
         let (sensors, of) = (own.model().sensors, &case.model.sensors);
         let differing = |number: fn(&SensorSuite) -> [f64; 2]| {
             let [own, of] = [number(&sensors), number(of)];

@@ -2,10 +2,9 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::plant::{LinearisedPlant, MeanInputs};
-use whorl_dynamics::{Gyrostat, InitialState, Plant, PlatformModel};
+use whorl_dynamics::{Gyrostat, InitialState, MeasuredSupplies, Plant, PlatformModel};
 use whorl_math::lanes::fastest_rate_1_s;
-use whorl_math::line::Line;
-use whorl_recording::{Channel, Component, Recording, Series, Why, counts};
+use whorl_recording::{Channel, Component, Recording, Why, counts, supplies};
 
 use crate::commands::{Commands, ns};
 use crate::driven_speeds::{DrivenSpeeds, as_driven, go_along_speeds};
@@ -18,8 +17,6 @@ const STEP_AT_CONTACTS_S: f64 = 2.5e-3;
 const SHARE_OF_MOTION: f64 = 0.05;
 const SHORTEST_STEP_NS: i64 = 50_000;
 const LONGEST_STEP_S: f64 = 1.0;
-/// How long a recording must be for its supplies to show how they drift \[s\].
-const LONG_S: f64 = 30.0;
 
 /// A recording and a model, ready to be predicted.
 pub struct Prepared<'a> {
@@ -74,7 +71,7 @@ impl<'a> Prepared<'a> {
         })?;
         let driven = go_along_speeds(recording).then(|| DrivenSpeeds::of(recording));
         let commands = Commands::along(recording, &gyrostat, driven.as_ref());
-        let plant = plant_before(recording, &given, &commands, first_ns, clamped)?;
+        let plant = plant_before(&given, &commands, first_ns, clamped, supplies(recording).into())?;
         let (mut moving, (rate, speeds)) = (plant.clone(), fastest(recording, wheels));
         let _ = moving.set_motion(&plant.state().q_world_body, &rate, &speeds);
         let mut linearised = LinearisedPlant::none(&moving);
@@ -170,19 +167,21 @@ impl<'a> Prepared<'a> {
     }
 }
 
-/// A plant that stands at the first command of a recording, or at its first reading if that is before: until then nothing happens.
+/// A plant without noise, with supplies of a run, at the first command or at the first reading if that is before: until then nothing happens.
 pub(crate) fn plant_before(
-    recording: &Recording,
     model: &PlatformModel,
     commands: &Commands<'_>,
     first_ns: i64,
     clamped: bool,
+    supplies: std::sync::Arc<MeasuredSupplies>,
 ) -> Result<Plant, PredictionError> {
     let time_ns = commands.event_ns(0).map_or(first_ns, |command_ns| command_ns.min(first_ns));
     let begun = InitialState { time_ns, ..InitialState::default() };
-    let mut plant =
-        Plant::new(&quiet(model, recording), &begun, 0)?.without_random_torque().without_latency();
+    let mut quiet = model.clone();
+    quiet.sensors.silence();
+    let mut plant = Plant::new(&quiet, &begun, 0)?.without_random_torque().without_latency();
     plant.set_clamped(clamped);
+    plant.set_supplies(supplies);
     Ok(plant)
 }
 
@@ -202,30 +201,4 @@ pub(crate) fn fastest(recording: &Recording, wheels: usize) -> (Vector3<f64>, Ve
     let of_wheel = |j: usize| speeds().filter_map(move |speeds| speeds.get(j).filter(|x| x.is_finite()));
     let fastest = |j| of_wheel(j).copied().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0);
     (rate, (0..wheels).map(fastest).collect())
-}
-
-/// The model without noise, with the supplies of this run: temperature, tank pressure and bus voltage as they were recorded.
-pub(crate) fn quiet(model: &PlatformModel, recording: &Recording) -> PlatformModel {
-    let mut quiet = model.clone();
-    quiet.sensors.silence();
-    let is_long = recording.duration_s() > LONG_S;
-    // Value at time zero and slope of the least-squares line.
-    let trend = |series: &Series<f64>| {
-        let line = Line::through(series.time_s.iter().copied().zip(series.value.iter().copied()))?;
-        Some((line.at(0.0), if is_long { line.slope } else { 0.0 }))
-    };
-    if let Some(line) = trend(&recording.temperature_k) {
-        (quiet.sensors.ambient_temperature_k, quiet.sensors.temperature_drift_k_s) = line;
-    }
-    let pressures = &recording.tank_pressure_pa.value;
-    if let Some(first) = pressures.get(..pressures.len().min(5)).filter(|p| !p.is_empty()) {
-        quiet.tank_mut().fill_to(first.iter().sum::<f64>() / first.len() as f64);
-    }
-    if let Some((start_v, slope_v_s)) = trend(&recording.bus_voltage_v) {
-        let commands = &recording.wheel_torque_command_n_m.value;
-        let load_n_m = commands.iter().flatten().map(|x| x.abs()).sum::<f64>() / commands.len().max(1) as f64;
-        quiet.bus.initial_v = start_v + quiet.bus.sag_v_n_m * load_n_m;
-        quiet.bus.discharge_v_s = -slope_v_s;
-    }
-    quiet
 }

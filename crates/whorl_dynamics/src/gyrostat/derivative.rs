@@ -160,9 +160,15 @@ impl Gyrostat {
         let mut environment = Environment::new(&self.model, state.q_world_body, state.omega_wb_b_rad_s);
         environment.time_s = time_s;
         let load = self.model.actuators.show(&state.actuators, &drive.actuators, &mut environment);
-        environment.bus_voltage_v = bus.initial_v - bus.discharge_v_s * time_s - bus.sag_v_n_m * load;
+        environment.bus_voltage_v = match &self.supplies.bus_voltage_v {
+            Some(course) => course.at(time_s),
+            None => bus.initial_v - bus.discharge_v_s * time_s - bus.sag_v_n_m * load,
+        };
         environment.touching = drive.contact;
-        environment.temperature_k = sensors.ambient_temperature_k + sensors.temperature_drift_k_s * time_s;
+        environment.temperature_k = match &self.supplies.temperature_k {
+            Some(course) => course.at(time_s),
+            None => sensors.ambient_temperature_k + sensors.temperature_drift_k_s * time_s,
+        };
         environment
     }
 

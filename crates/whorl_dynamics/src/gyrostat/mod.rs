@@ -42,6 +42,8 @@ pub(crate) use derivative::{Derivative, Drive, Fading};
 pub use equation::{LinearisedRate, RateEquation};
 pub use state::State;
 
+use std::sync::Arc;
+
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use thiserror::Error;
 use whorl_math::vertical_b;
@@ -49,7 +51,7 @@ use whorl_math::vertical_b;
 use crate::actuators::{ActuatorError, Drives};
 use crate::effects::{EffectError, EffectSet, ThrustLag, TrueImu};
 use crate::sensing::specific_force_b_m_s2;
-use crate::{Environment, PlatformModel};
+use crate::{Environment, MeasuredSupplies, PlatformModel};
 
 /// Why a platform cannot be simulated.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -77,6 +79,8 @@ pub struct Gyrostat {
     reaction_inertia_b_kg_m2: Matrix3<f64>,
     /// With every wheel free.
     equation: RateEquation,
+    /// Of a run, in place of the model's.
+    supplies: Arc<MeasuredSupplies>,
 }
 
 /// Accelerations of body and wheels.
@@ -105,7 +109,8 @@ impl Gyrostat {
         rate_equation(&adjusted, &reaction_inertia_b_kg_m2, Some(&free)).ok_or(GyrostatError::NothingLeft)?;
         let equation =
             rate_equation(&adjusted, &reaction_inertia_b_kg_m2, None).ok_or(GyrostatError::NothingLeft)?;
-        Ok(Self { thrust_lag, reaction_inertia_b_kg_m2, equation, model: adjusted, effects })
+        let supplies = Arc::default();
+        Ok(Self { thrust_lag, reaction_inertia_b_kg_m2, equation, model: adjusted, effects, supplies })
     }
 
     /// The platform, constants corrected by its effects.
@@ -116,6 +121,16 @@ impl Gyrostat {
 
     pub(crate) fn model_mut(&mut self) -> &mut PlatformModel {
         &mut self.model
+    }
+
+    /// What was measured of a run's supplies, if its plant was given any.
+    #[must_use]
+    pub fn supplies(&self) -> &Arc<MeasuredSupplies> {
+        &self.supplies
+    }
+
+    pub(crate) fn set_supplies(&mut self, supplies: Arc<MeasuredSupplies>) {
+        self.supplies = supplies;
     }
 
     /// Its effects.

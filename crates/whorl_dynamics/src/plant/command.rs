@@ -1,11 +1,13 @@
 //! Commands to the platform.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use thiserror::Error;
 
 use super::{Plant, PlantError};
+use crate::MeasuredSupplies;
 use crate::actuators::Kind;
 use crate::actuators::wheels::MAX_WHEELS;
 use crate::gyrostat::Fading;
@@ -140,6 +142,15 @@ impl Plant {
         self.history.forget();
         self.set_out();
         Ok(())
+    }
+
+    /// From now on it has supplies as they were measured, and as much gas as they begin with.
+    pub fn set_supplies(&mut self, supplies: Arc<MeasuredSupplies>) {
+        supplies
+            .first_tank_pressure_pa
+            .into_iter()
+            .for_each(|pressure_pa| self.set_tank_pressure(pressure_pa));
+        self.gyrostat.set_supplies(supplies);
     }
 
     /// Clamps the body where it is (wheel bench test), or releases it.

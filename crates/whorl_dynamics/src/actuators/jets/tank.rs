@@ -59,12 +59,6 @@ impl Tank {
         pressure_pa * self.volume_m3 / (self.gas_constant_j_kg_k * self.temperature_k)
     }
 
-    /// Fills it at the start of a run to the pressure that a sensor read there \[Pa\]. An empty tank reads less than nothing every
-    /// other time: that is the sensor's noise, not a reason to believe in a full one.
-    pub fn fill_to(&mut self, measured_pa: f64) {
-        self.initial_pressure_pa = measured_pa.max(0.1 * EMPTY_PA);
-    }
-
     /// Pressure of this much gas \[Pa\], isothermal.
     #[must_use]
     #[inline]
