@@ -47,6 +47,8 @@ struct View {
     normal: Normal,
     log: f64,
     without: Estimate,
+    /// log p over that of the fit with the values of the fit.
+    at_fit: f64,
 }
 
 #[derive(Debug, Clone)]
@@ -142,7 +144,7 @@ impl<'a> Beside<'a> {
         let of_prior: f64 = own.iter().map(|i| at[*i].powi(2) / self.prior_variance(*i)).sum();
         let of_fit = normal.vector.dot(&at) - 0.5 * (at.dot(&(&normal.matrix * &at)) + of_prior);
         let without = Estimate::new(&normal, &own, |i| self.prior_variance(i));
-        Ok(without.map(|without| View { normal, log: log - of_fit, without }))
+        Ok(without.map(|without| View { normal, log: log - of_fit, without, at_fit: log }))
     }
 
     /// The normal equations of each of these recordings about the set.
@@ -284,8 +286,10 @@ impl<'a> Beside<'a> {
         let mut singles: Vec<Entering> = self.effects().filter_map(|id| self.best_way(view, id)).collect();
         singles.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         let alone = |e: &Entering| e.gain + log_prior(&[e.id], settings);
+        // As far from the fit as a view may go, a quadratic is not quite log p.
+        let doubt = |e: &Entering| settings.misspecification * (0.5 * e.drop - view.at_fit).max(0.0);
         let one = |e| Proposal { gain: alone(e), hypothesis: self.hypothesis(&[(e, e.size)], &e.estimate) };
-        let mut all: Vec<Proposal> = singles.iter().map(one).collect();
+        let mut all: Vec<Proposal> = singles.iter().filter(|e| alone(e) > -doubt(e)).map(one).collect();
         singles.truncate(if with_pairs { MOST_PAIRED } else { 0 });
         for (n, first) in singles.iter().enumerate() {
             for second in &singles[n + 1..] {
@@ -294,14 +298,13 @@ impl<'a> Beside<'a> {
                 let Some(joint) = self.enter(view, &columns) else { continue };
                 let ways = ((first.ways * second.ways) as f64).ln();
                 let gain = joint.gain - ways + log_prior(&[first.id, second.id], settings);
-                let is_more = gain > alone(first).max(alone(second)).max(0.0);
+                let is_more = gain > alone(first).max(alone(second)).max(-doubt(&joint));
                 if joint.columns.len() == columns.len() && is_more {
                     let parts = [(first, joint.size), (second, joint.size)];
                     all.push(Proposal { hypothesis: self.hypothesis(&parts, &joint.estimate), gain });
                 }
             }
         }
-        all.retain(|proposal| proposal.gain > 0.0);
         all.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         all
     }

@@ -11,6 +11,7 @@ use whorl_prediction::{
 };
 use whorl_recording::Recording;
 
+use crate::fitting::normal_equations::{Estimate, Normal};
 use crate::fitting::refit::{Entered, Fit, Refit};
 use crate::parameter_space::available::Available;
 use crate::parameter_space::{Column, Point, Reference};
@@ -41,6 +42,8 @@ pub(crate) struct Evaluated {
     pub held_out: Vec<Followed>,
     /// log p of the training runs, values integrated out, with the penalty of how the effects enter.
     pub log_evidence: f64,
+    /// log p of the training runs and the values without random torques, at the values that are likeliest then; of a set that gains nothing none.
+    pub quiet_log_posterior: f64,
     /// log p of the held-out runs with these values,
     pub held_out_log: f64,
     /// and by how much they should be likelier than with no effect, if the set is what there is; `None`: that is not known.
@@ -88,12 +91,6 @@ impl Evaluated {
         let runs = &self.fitted.followed;
         let squares = runs.iter().flat_map(|run| run.noise.disturbance.body_stddev_b_n_m()).map(|x| x * x);
         (squares.sum::<f64>() / (3 * runs.len()).max(1) as f64).sqrt()
-    }
-
-    /// log p of training and held-out runs as the model predicts them without random torques.
-    pub fn log_without_random_torques(&self) -> f64 {
-        let runs = self.fitted.followed.iter().chain(&self.held_out);
-        runs.map(|run| run.undisturbed_likelihood.log).sum()
     }
 
     /// Whether one of its effects would have to be larger than any platform has it.
@@ -180,6 +177,7 @@ impl Runs<'_> {
         let fitted = refit.likeliest(self.training, &starts, rival, &self.prediction())?;
         let mut found = Evaluated {
             log_evidence: fitted.log_evidence - hypothesis.choices_nats,
+            quiet_log_posterior: f64::NEG_INFINITY,
             held_out_log: base.map_or(0.0, |base| base.held_out_log),
             held_out_expected: None,
             held_out: base.map_or_else(Vec::new, |base| base.held_out.clone()),
@@ -190,6 +188,7 @@ impl Runs<'_> {
             seconds: 0.0,
         };
         if base.is_none_or(|base| found.fitted.log_posterior > base.fitted.log_posterior) {
+            found.quiet_log_posterior = self.quiet_log_posterior(&found)?;
             self.follow_held_out(&mut found)?;
             let expected = base.map(|base| self.expected_of_held_out(&found, base)).transpose()?;
             found.held_out_expected = expected.flatten();
@@ -205,6 +204,7 @@ impl Runs<'_> {
         again.fitted =
             set.refit(self.reference).likeliest(self.training, &starts, rival, &self.prediction())?;
         again.log_evidence = again.fitted.log_evidence - set.hypothesis.choices_nats;
+        again.quiet_log_posterior = self.quiet_log_posterior(&again)?;
         self.follow_held_out(&mut again)?;
         again.seconds += begun.elapsed().as_secs_f64();
         Ok(again)
@@ -226,6 +226,21 @@ impl Runs<'_> {
         let (held_out, settings) = (&base.held_out, self.prediction());
         let all = hints(self.held_out, &parameters, &model_at, &set.fitted.at, held_out, &[], &settings)?;
         Ok(Some(all.iter().map(|of_run| 0.5 * apart.dot(&(&of_run.information * &apart))).sum()))
+    }
+
+    /// See [`Evaluated::quiet_log_posterior`]: by a step from the values that were fitted beside random torques, which hide errors of some of them.
+    fn quiet_log_posterior(&self, set: &Evaluated) -> Outcome<f64> {
+        if !set.fitted.followed.iter().any(|run| run.noise.disturbance.is_some()) {
+            return Ok(set.fitted.log_posterior);
+        }
+        let quiet: Vec<Followed> = set.fitted.followed.iter().map(Followed::without_disturbance).collect();
+        let (refit, at) = (set.refit(self.reference), &set.fitted.at);
+        let (parameters, model_at) = (refit.parameters(), |units: &[f64]| refit.model_at(units));
+        let all = hints(self.training, &parameters, &model_at, at, &quiet, &[], &self.prediction())?;
+        let of_prior: f64 = at.iter().zip(&set.stddevs).map(|(x, stddev)| -0.5 * (x / stddev).powi(2)).sum();
+        let (normal, own) = (Normal::about(&all, at, &parameters), (0..at.len()).collect::<Vec<_>>());
+        let step = Estimate::new(&normal, &own, |i| set.stddevs[i].powi(2)).map_or(0.0, |of| 0.5 * of.drop);
+        Ok(all.iter().map(|of_run| of_run.log_likelihood).sum::<f64>() + of_prior + step)
     }
 
     /// Held-out recordings with the values of a set; from how the filter follows them with other ones, if it does.

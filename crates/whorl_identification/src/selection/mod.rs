@@ -174,7 +174,8 @@ impl<'a> Selection<'a> {
             return true;
         }
         let (own, held) = (set.log_evidence - base.log_evidence, set.held_out_log - base.held_out_log);
-        let explains = set.log_without_random_torques() > base.log_without_random_torques();
+        let quiet = base.quiet_log_posterior;
+        let explains = set.quiet_log_posterior > quiet || !quiet.is_finite();
         let is_borne_out =
             self.runs.held_out.is_empty() || is_borne_out(own, held, set.held_out_expected, settings);
         let without = |left_out: &&'static str| {

@@ -73,6 +73,7 @@ fn a_fit_of_hidden_states_begins_where_a_platform_can_be() {
             stddevs: own.stddevs.clone(),
             held_out: Vec::new(),
             log_evidence: 0.0,
+            quiet_log_posterior: 0.0,
             held_out_log: 0.0,
             held_out_expected: None,
             seconds: 0.0,
