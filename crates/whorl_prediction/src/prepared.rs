@@ -47,7 +47,7 @@ pub struct Prepared<'a> {
 }
 
 impl<'a> Prepared<'a> {
-    /// Of a recording whose channels fit the model ([`crate::check`]), effects of the model included.
+    /// Of a recording whose channels fit the model ([`whorl_recording::check`]), effects of the model included.
     ///
     /// # Errors
     /// See [`PredictionError`].
