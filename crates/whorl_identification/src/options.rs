@@ -13,7 +13,7 @@ pub struct Options {
     pub threads: usize,
     /// Largest number of effects that are named together.
     pub largest_set: usize,
-    /// The model with those low-passes that the samples show to delay: [`Diagnosis::delaying`]. `None`: it is found, which takes as long as a fit.
+    /// The model with those low-passes that the samples show to delay: [`crate::Diagnosis::delaying`]. `None`: it is found, which takes as long as a fit.
     pub delaying: Option<PlatformModel>,
     /// Numbers that the verdict depends on; there is rarely a reason to change one.
     pub settings: Settings,
