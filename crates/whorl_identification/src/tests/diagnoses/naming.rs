@@ -102,6 +102,18 @@ fn an_appendage_of_half_the_platform_is_named() {
     }
 }
 
+/// A random torque that changes over half a minute does nearly what it does, and no pass beside that torque shows it.
+#[test]
+#[ignore = "slow: the diagnosis of a faint cable"]
+fn a_faint_cable_is_not_taken_for_a_slow_random_torque() {
+    let cable = [("k_n_m_rad", 1.5e-4), ("yaw0_rad", -0.5)];
+    let diagnosis = diagnosis_of(&[("harness_spring", &cable)], 42, 50.0);
+    assert_ne!(diagnosis.verdict, Verdict::NothingMissing);
+    assert_eq!(diagnosis.background.stddev_n_m, 0.0);
+    let row = diagnosis.candidates.iter().find(|row| row.effect == "harness_spring").unwrap();
+    assert!(row.delta_log_evidence > 5.0, "{row:?}");
+}
+
 /// Nobody knows the field in another room: its direction about the axes of the world is found with the dipole.
 #[test]
 #[ignore = "slow: the diagnosis of a dipole in another field"]
