@@ -41,7 +41,7 @@ pub struct Environment<'a> {
     pub valve_fraction: &'a [f64],
     /// Tank pressure \[Pa\].
     pub tank_pressure_pa: f64,
-    /// Gas used since the start \[kg\].
+    /// Gas used since the tank was as the model has it \[kg\].
     pub gas_used_kg: f64,
     /// Bus voltage \[V\].
     pub bus_voltage_v: f64,

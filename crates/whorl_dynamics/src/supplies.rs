@@ -16,7 +16,7 @@ pub struct MeasuredSupplies {
 pub struct Course {
     start_s: f64,
     step_s: f64,
-    /// At the start and at every step.
+    /// At the start and at every step: two at least.
     values: Vec<f64>,
 }
 
@@ -62,9 +62,8 @@ impl Course {
     pub fn at(&self, time_s: f64) -> f64 {
         let last = self.values.len() - 1;
         let place = ((time_s - self.start_s) / self.step_s).clamp(0.0, last as f64);
-        let before = (place as usize).min(last.saturating_sub(1));
-        let after = (before + 1).min(last);
-        self.values[before] + (self.values[after] - self.values[before]) * (place - before as f64)
+        let before = (place as usize).min(last - 1);
+        self.values[before] + (self.values[before + 1] - self.values[before]) * (place - before as f64)
     }
 }
 

@@ -146,10 +146,9 @@ impl Plant {
 
     /// From now on it has supplies as they were measured, and as much gas as they begin with.
     pub fn set_supplies(&mut self, supplies: Arc<MeasuredSupplies>) {
-        supplies
-            .first_tank_pressure_pa
-            .into_iter()
-            .for_each(|pressure_pa| self.set_tank_pressure(pressure_pa));
+        if let Some(pressure_pa) = supplies.first_tank_pressure_pa {
+            self.set_tank_pressure(pressure_pa);
+        }
         self.gyrostat.set_supplies(supplies);
     }
 
