@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 use whorl_identification::{
-    Diagnosis, ExpectedInformation, Options, Verdict, diagnose, expected_information,
+    Diagnosis, ExpectedInformation, Explanation, Options, Verdict, diagnose, expected_information,
 };
 use whorl_recording::Recording;
 
@@ -32,6 +32,9 @@ pub struct Outcome {
     pub verdict: String,
     pub answer: Vec<String>,
     pub confounded_with: Vec<Vec<String>>,
+    /// The most probable explanation, with its probability.
+    #[serde(default)]
+    pub explanation: Option<Explanation>,
     pub candidates: Vec<(String, f64)>,
     pub unknown_variable: Option<String>,
     pub error: Option<String>,
@@ -113,6 +116,7 @@ pub fn not_built(spec: &Spec, reason: &str) -> Outcome {
         verdict: String::new(),
         answer: Vec::new(),
         confounded_with: Vec::new(),
+        explanation: None,
         candidates: Vec::new(),
         unknown_variable: None,
         error: None,
@@ -237,6 +241,7 @@ fn score(outcome: &mut Outcome, built: &Built, diagnosis: &Diagnosis) {
     outcome.verdict = word(diagnosis.verdict).to_owned();
     outcome.answer = said.clone();
     outcome.confounded_with.clone_from(&diagnosis.confounded_with);
+    outcome.explanation = diagnosis.explanations.first().cloned();
     outcome.candidates = diagnosis
         .candidates
         .iter()
