@@ -4,7 +4,8 @@ use nalgebra::{Matrix3, Vector3};
 use whorl_dynamics::{Freedom, PlatformModel};
 use whorl_math::noise::typical_step_s;
 use whorl_prediction::{
-    Disturbance, Followed, Noise, PredictionError, Prepared, Settings, SmoothedState, follow, smoothed,
+    CELL_S, Disturbance, Followed, Noise, PredictionError, Prepared, Settings, SmoothedState, follow,
+    longest_cell_s, smoothed,
 };
 use whorl_recording::{Needs, Recording, Refusal, Why, check};
 
@@ -39,7 +40,14 @@ pub(crate) fn followed<'a>(
     check(recording, model, &Needs { shortest_s: 0.0, free: false, accelerometer: false })?;
     let case = Prepared::new(recording, model, Settings::default())?;
     let stated = Noise::stated(&case)?;
-    let followed = known.filter(|of| of.is_of(&case)).cloned().unwrap_or_else(|| follow(&case, &stated));
+    if let Some(known) = known.filter(|of| of.is_of(&case)) {
+        return Ok((case, stated, known.clone()));
+    }
+    // Levels and start are those of means of readings, as they are where models are fitted.
+    let longest = Settings { cell_s: CELL_S, ..Settings::default() };
+    let cell_s = longest_cell_s(std::slice::from_ref(recording), model, &longest)?;
+    let by_cells = Prepared::new(recording, model, Settings { cell_s, ..longest })?;
+    let followed = follow(&by_cells, &stated);
     Ok((case, stated, followed))
 }
 

@@ -146,28 +146,32 @@ impl Observed<'_> {
     }
 }
 
-pub(crate) fn observed<'a>(runs: &Runs<'a>, set: &Evaluated) -> Result<Vec<Observed<'a>>, DiagnosisError> {
-    left_of(runs, set, runs.training, &set.fitted.followed)
-}
-
 /// What a model without a random torque leaves of the held-out runs.
 pub(crate) fn held_out_remains(runs: &Runs<'_>, set: &Evaluated) -> Result<Remains, DiagnosisError> {
-    Ok(remains_of(&left_of(runs, set, runs.held_out, &set.held_out)?))
+    let model = set.model(runs.reference)?;
+    let settings = Runs { each_reading: true, ..*runs }.prediction();
+    let of_run = |(recording, followed): &(&Recording, &Followed)| -> Result<Remains, DiagnosisError> {
+        let case = Prepared::new(recording, &model, settings)?;
+        Ok(Grid::of(&case, &followed.undisturbed_noise(), &followed.undisturbed.start).1)
+    };
+    let pairs: Vec<(&Recording, &Followed)> = runs.held_out.iter().zip(&set.held_out).collect();
+    let all: Vec<Remains> =
+        threads::map(runs.threads, &pairs, of_run).into_iter().collect::<Result<_, _>>()?;
+    Ok(sum(all.into_iter()))
 }
 
-pub(crate) fn remains_of(observed: &[Observed<'_>]) -> Remains {
-    observed.iter().map(|run| run.remains).fold(Remains::default(), |all, run| Remains {
+fn sum(all: impl Iterator<Item = Remains>) -> Remains {
+    all.fold(Remains::default(), |all, run| Remains {
         square: all.square + run.square,
         count: all.count + run.count,
     })
 }
 
-fn left_of<'a>(
-    runs: &Runs<'a>,
-    set: &Evaluated,
-    recordings: &'a [Recording],
-    followed: &[Followed],
-) -> Result<Vec<Observed<'a>>, DiagnosisError> {
+pub(crate) fn remains_of(observed: &[Observed<'_>]) -> Remains {
+    sum(observed.iter().map(|run| run.remains))
+}
+
+pub(crate) fn observed<'a>(runs: &Runs<'a>, set: &Evaluated) -> Result<Vec<Observed<'a>>, DiagnosisError> {
     let model = set.model(runs.reference)?;
     let settings = Runs { each_reading: true, ..*runs }.prediction();
     let of_run = |(recording, followed): &(&'a Recording, &Followed)| {
@@ -184,7 +188,7 @@ fn left_of<'a>(
             quiet: quiet.map(|(grid, _)| grid),
         })
     };
-    let pairs: Vec<(&'a Recording, &Followed)> = recordings.iter().zip(followed).collect();
+    let pairs: Vec<(&'a Recording, &Followed)> = runs.training.iter().zip(&set.fitted.followed).collect();
     threads::map(runs.threads, &pairs, of_run).into_iter().collect()
 }
 

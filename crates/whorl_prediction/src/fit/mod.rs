@@ -7,8 +7,9 @@ use rayon::prelude::*;
 use whorl_dynamics::PlatformModel;
 use whorl_recording::Recording;
 
+use crate::levels::{Fit, follow_without, followed_from};
 use crate::passes::Pass;
-use crate::{Followed, Laws, Noise, PredictionError, Prepared, Settings, Varied, follow_again};
+use crate::{Followed, Laws, Noise, PredictionError, Prepared, Settings, Varied};
 
 /// A parameter of a family of models, counted in a unit of its own from where nothing is known better.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,34 +64,23 @@ pub fn fit(
     let problem = Problem { recordings, parameters, model_at, settings };
     let begun = problem.begun(starts, rival.followed)?;
     let log_posterior_before = begun.log_posterior;
-    let mut best = problem.settled(begun, rival.log_posterior_needed)?;
+    let needed = rival.log_posterior_needed;
+    let mut best = problem.settled(begun, true, needed)?;
     for _ in 0..JUDGED {
-        let judged = problem.each(&best.iterate.at, |case, run| {
-            let before = &best.iterate.followed[run];
-            let is_disturbed = before.noise.disturbance.is_some();
-            Ok(if is_disturbed { follow_again(case, &Noise::stated(case)?, before) } else { before.clone() })
+        let has_moved;
+        (best, has_moved) = problem.settled_again(best, needed, |case, before| {
+            Ok(followed_from(case, &Noise::stated(case)?, before, Fit::Judged))
         })?;
-        let has_other =
-            |(a, b): (&Followed, &Followed)| (&a.noise, &a.fitted.start) != (&b.noise, &b.fitted.start);
-        let are_others = judged.iter().zip(&best.iterate.followed).any(has_other);
-        best.iterate = problem.iterate(&best.iterate.at, judged);
-        if !are_others {
-            break;
-        }
-        best.information = None;
-        if best.is_hopeless {
-            break;
-        }
-        // Values belong to the levels with which they are said.
-        let at = best.iterate.at.clone();
-        best = problem.settled(best.iterate, rival.log_posterior_needed)?;
-        if best.iterate.at == at {
+        if !has_moved {
             break;
         }
     }
+    if !best.is_hopeless {
+        best = problem.settled_again(best, needed, |case, before| Ok(follow_without(case, before)))?.0;
+    }
     // Beside disturbances parameters hardly matter, and both shrink slowly: the model without them may explain everything by now.
     if let Some(undisturbed) = problem.without_disturbance(&best.iterate).filter(|_| !best.is_hopeless) {
-        let undisturbed = problem.settled(undisturbed, best.iterate.log_posterior)?;
+        let undisturbed = problem.settled(undisturbed, true, best.iterate.log_posterior)?;
         if undisturbed.iterate.log_posterior > best.iterate.log_posterior {
             best = undisturbed;
         }

@@ -6,7 +6,7 @@ use super::{Iterate, Problem};
 use crate::fitted::LARGEST_MISFIT;
 use crate::levels::{Fit, follow_anew, followed_from};
 use crate::passes::Pass;
-use crate::{Followed, Noise, PredictionError};
+use crate::{Followed, Noise, PredictionError, Prepared};
 
 pub(super) struct Settled {
     pub iterate: Iterate,
@@ -73,8 +73,36 @@ impl Problem<'_> {
         Ok(best?.1)
     }
 
-    /// Values and levels by turns, until both stand, or nothing likelier than `least` is in sight.
-    pub fn settled(&self, begun: Iterate, least: f64) -> Result<Settled, PredictionError> {
+    /// The same with what else is found of each disturbed run, and whether its values belong to that and had to move.
+    pub fn settled_again(
+        &self,
+        mut best: Settled,
+        least: f64,
+        found: impl Fn(&Prepared<'_>, &Followed) -> Result<Followed, PredictionError> + Sync,
+    ) -> Result<(Settled, bool), PredictionError> {
+        let at = best.iterate.at.clone();
+        let followed = self.each(&at, |case, run| {
+            let before = &best.iterate.followed[run];
+            if before.noise.disturbance.is_some() { found(case, before) } else { Ok(before.clone()) }
+        })?;
+        let is_other =
+            |(a, b): (&Followed, &Followed)| (&a.noise, &a.fitted.start) != (&b.noise, &b.fitted.start);
+        let are_others = followed.iter().zip(&best.iterate.followed).any(is_other);
+        best.iterate = self.iterate(&at, followed);
+        if !are_others {
+            return Ok((best, false));
+        }
+        best.information = None;
+        if best.is_hopeless {
+            return Ok((best, false));
+        }
+        let again = self.settled(best.iterate, false, least)?;
+        let has_moved = again.iterate.at != at;
+        Ok((again, has_moved))
+    }
+
+    /// Values and levels by turns, until both stand, or nothing likelier than `least` is in sight; first `roughly`, where levels are those of other values.
+    pub fn settled(&self, begun: Iterate, roughly: bool, least: f64) -> Result<Settled, PredictionError> {
         let settings = self.settings;
         let stands = self.parameters.is_empty();
         let mut best = Settled { iterate: begun, information: None, stands, is_hopeless: false };
@@ -84,11 +112,12 @@ impl Problem<'_> {
             if best.stands {
                 break;
             }
-            let (place, end, information) = self.ascent(&levels, known.take(), round == 0, least)?;
+            let is_rough = roughly && round == 0;
+            let (place, end, information) = self.ascent(&levels, known.take(), is_rough, least)?;
             let is_top = end == End::Top;
             best.is_hopeless = end == End::Hopeless;
             if best.is_hopeless || place.at == levels.at {
-                if is_top && round == 0 {
+                if is_top && is_rough {
                     // The predicted gain was too small for a rough look.
                     known = Some(place.passes);
                     continue;
@@ -99,6 +128,13 @@ impl Problem<'_> {
                 break;
             }
             let with_old_levels = self.log(&place.at, &place.passes);
+            // Values that gain so little leave levels as they are.
+            if is_top && !is_rough && with_old_levels - levels.log_posterior <= settings.fit_round_nats {
+                let place = if place.is_near { self.with_columns(place)? } else { place };
+                best.information = Some(self.normal_equations(&place.at, &place.passes).2);
+                (best.iterate, best.stands) = (self.iterate_at(place), true);
+                break;
+            }
             let mut followed = place.followed;
             let starts = followed.iter_mut().zip(place.passes);
             starts.for_each(|(run, pass)| run.fitted.covariance = pass.sums.own);
@@ -193,6 +229,19 @@ impl Problem<'_> {
         }
         let passes = self.passes_near(&at, &followed, &from.passes)?;
         Ok(Place { at, followed, passes, is_near: true })
+    }
+
+    fn iterate_at(&self, place: Place) -> Iterate {
+        let mut followed = place.followed;
+        for (run, pass) in followed.iter_mut().zip(place.passes) {
+            run.fitted.covariance = pass.sums.own;
+            if run.noise.disturbance.is_some() {
+                run.gain_nats = pass.likelihood.log - run.undisturbed_likelihood.log;
+            } else {
+                (run.undisturbed, run.undisturbed_likelihood) = (run.fitted.clone(), pass.likelihood);
+            }
+        }
+        self.iterate(&place.at, followed)
     }
 
     fn with_columns(&self, place: Place) -> Result<Place, PredictionError> {

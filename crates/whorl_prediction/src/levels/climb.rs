@@ -51,8 +51,11 @@ pub(super) fn climb(
     let near_nats = settings.level_stands_nats * ROUGHLY;
     let stands_nats = if first.is_some() { near_nats } else { settings.level_stands_nats };
     // With values that still move the wrong torques would be left out far from the top: what each is worth there says nothing of the top.
-    let (asked_nats, last_nats) =
-        if fit == Fit::None { (f64::INFINITY, near_nats) } else { (stands_nats, ROUGHLY * near_nats) };
+    let (asked_nats, last_nats) = if matches!(fit, Fit::None | Fit::Judged) {
+        (f64::INFINITY, near_nats)
+    } else {
+        (stands_nats, ROUGHLY * near_nats)
+    };
     let mut needed = Vec::new();
     let mut here = part.place(noise, start, f64::NEG_INFINITY, false)?;
     for _ in 0..settings.level_steps {

@@ -13,7 +13,7 @@ use whorl_math::statistics::{chi_squared_quantile, normal_probability};
 use whorl_recording::{Channel, Recording};
 
 use crate::filter::Filter;
-use crate::fitted::{fitted_start_near, fitted_start_within};
+use crate::fitted::{LARGEST_MISFIT, fitted_start_near, fitted_start_within};
 use crate::readings::{SHARE_OF_MOTION_RAD, SHARE_OF_TIME, Track};
 use crate::start::fastest_change;
 use crate::within::{SHARE_OF_LOOP_RAD, loop_rate_1_s};
@@ -102,7 +102,13 @@ pub(crate) fn follow_anew(case: &Prepared<'_>, stated: &Noise, fit: Fit) -> Foll
     let noise = climb(case, stated, best.clone(), &start, Some(part), fit).map_or(best, |found| found.noise);
     let fitted = start_by(&noise);
     let longer = part.saturating_mul(LONGER);
-    judged(case, found(case, stated, spread(case, noise), fitted, longer, fit), None)
+    judged(case, found(case, stated, spread(case, noise), fitted, longer, fit), None, true)
+}
+
+/// The same levels and start, with what the model without disturbances makes of the run, and without these where they are not needed.
+pub(crate) fn follow_without(case: &Prepared<'_>, of: &Followed) -> Followed {
+    let log = of.log_likelihood();
+    judged(case, Found { noise: of.noise.clone(), fitted: of.fitted.clone(), log }, Some(of), true)
 }
 
 /// The same with a model close to the one with which the run was followed before, or better: where that one needed no disturbances, this one does not.
@@ -115,6 +121,8 @@ pub fn follow_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> F
 pub(crate) enum Fit {
     /// Values stand.
     None,
+    /// The same; what the model without disturbances makes of a run is asked for at the end alone, by [`follow_without`].
+    Judged,
     /// With levels of another model: torques of all correlation times are tried again, of which those that a worse one had hidden may show by now.
     Begun,
     /// Values still move. What the model without disturbances makes of a run is asked for at the end alone: before, what was known of it stands.
@@ -126,7 +134,7 @@ pub(crate) fn followed_from(case: &Prepared<'_>, stated: &Noise, before: &Follow
         return follow_anew(case, stated, fit);
     }
     if before.noise.disturbance.is_some() {
-        return judged(case, found_again(case, stated, before, fit), (fit != Fit::None).then_some(before));
+        return judged(case, found_again(case, stated, before, fit), Some(before), fit == Fit::None);
     }
     let (noise, fitted) = (before.noise.clone(), &before.fitted);
     let noise =
@@ -221,18 +229,27 @@ fn found(
     }
 }
 
-/// With disturbances if these make the run likelier by what they must; `before`: of the model without them, where they surely do.
-fn judged(case: &Prepared<'_>, Found { noise, fitted, log }: Found, before: Option<&Followed>) -> Followed {
+/// With disturbances if these make the run likelier by what they must; `before`: a model close by, of which what it makes of the run without them
+/// is enough, if they surely do and it is not asked `anew`.
+fn judged(
+    case: &Prepared<'_>,
+    Found { noise, fitted, log }: Found,
+    before: Option<&Followed>,
+    anew: bool,
+) -> Followed {
     let is_disturbed = noise.disturbance.is_some();
     let needed = by_chance_nats(noise.disturbance.count(), case.settings().level_needed_deviations);
-    if let Some(before) = before.filter(|_| is_disturbed) {
+    if let Some(before) = before.filter(|_| is_disturbed && !anew) {
         let gain_nats = log - before.undisturbed_likelihood.log;
         if gain_nats > SURELY * needed {
             return Followed { noise, fitted, gain_nats, ..before.clone() };
         }
     }
     let without = Noise { disturbance: Disturbance::NONE, ..noise.clone() };
-    let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &without, &fitted);
+    // From where it began before, if that was close.
+    let close = before.filter(|before| before.undisturbed_likelihood.misfit() < LARGEST_MISFIT);
+    let near = close.map_or(&fitted, |before| &before.undisturbed);
+    let (undisturbed, undisturbed_likelihood) = fitted_start_near(case, &without, near);
     let gain_nats = log - undisturbed_likelihood.log;
     let is_needed = gain_nats > needed && is_disturbed;
     let (noise, fitted) = if is_needed { (noise, fitted) } else { (without, undisturbed.clone()) };
