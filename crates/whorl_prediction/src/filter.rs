@@ -13,6 +13,9 @@ use crate::start::known_biases;
 use crate::trail::Trail;
 use crate::{Innovation, Noise, Prepared, Start};
 
+/// A motion so many times as fast as any that was read, or as 1 rad/s, is lost: a start that was moved too far would be followed in steps of microseconds.
+const LOST: f64 = 100.0;
+
 pub(crate) struct Filter<'a> {
     pub mean: Mean<'a>,
     pub gains: Gains,
@@ -83,6 +86,10 @@ impl<'a> Filter<'a> {
         let Some(to_ns) = mean.set_out() else { return false };
         let case = mean.case;
         while mean.plant.now_ns() < to_ns && !mean.lost {
+            if gains.fastest_1_s() > LOST * case.fastest_1_s.max(1.0) {
+                mean.lost = true;
+                break;
+            }
             let from_ns = mean.plant.now_ns();
             let left_ns = to_ns - from_ns;
             // Equal steps, so that none is tiny, and not twice as many for what rounding makes longer.

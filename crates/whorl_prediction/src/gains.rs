@@ -134,6 +134,10 @@ impl Gains {
         self.ahead[position].clone_from(self.claimed.as_ref().unwrap_or(&self.covariance));
     }
 
+    pub fn fastest_1_s(&self) -> f64 {
+        self.fastest_1_s
+    }
+
     pub fn longest_s(&self) -> f64 {
         let of_motion = self.settings.covariance_step / self.fastest_1_s.max(1e-9);
         let share = if self.settings.cell_s > 0.0 { SHARE_OF_TIME } else { self.settings.covariance_step };

@@ -40,6 +40,10 @@ impl Effect for AccelLeverArm {
         Arm::specs(model)
     }
 
+    fn is_exact(&self) -> bool {
+        true
+    }
+
     fn is_correction(&self) -> bool {
         true
     }

@@ -109,6 +109,12 @@ pub trait Effect: Sync + fmt::Debug {
         false
     }
 
+    /// Whether its formula is that of a rig to a hundredth: where parts are and which way they point, factors and delays of linear sensors. Laws of
+    /// friction, of gas and of air are not.
+    fn is_exact(&self) -> bool {
+        false
+    }
+
     /// Torque on the body about the centre of rotation, body axes [N m].
     fn torque_b_n_m(&self, _values: &[f64], _environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
         Vector3::zeros()

@@ -40,6 +40,10 @@ impl Effect for GyroMisalignment {
         Tilt::specs(model)
     }
 
+    fn is_exact(&self) -> bool {
+        true
+    }
+
     fn measure_imu(&self, values: &[f64], _environment: &Environment<'_>, imu: &mut TrueImu) {
         let rate = imu.angular_velocity_b_rad_s;
         for ((_, row, column), m) in ELEMENTS.into_iter().zip(Tilt::of(values).m_rad) {

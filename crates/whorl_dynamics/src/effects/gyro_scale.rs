@@ -37,6 +37,10 @@ impl Effect for GyroScale {
         Scale::specs(model)
     }
 
+    fn is_exact(&self) -> bool {
+        true
+    }
+
     fn is_correction(&self) -> bool {
         true
     }

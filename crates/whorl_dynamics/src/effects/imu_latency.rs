@@ -34,6 +34,10 @@ impl Effect for ImuLatency {
         Latency::specs(model)
     }
 
+    fn is_exact(&self) -> bool {
+        true
+    }
+
     fn is_correction(&self) -> bool {
         true
     }

@@ -46,6 +46,10 @@ impl Effect for WheelMisalignment {
         per_wheel::<Tilt>(model)
     }
 
+    fn is_exact(&self) -> bool {
+        true
+    }
+
     fn is_correction(&self) -> bool {
         true
     }

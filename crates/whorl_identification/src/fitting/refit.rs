@@ -59,6 +59,8 @@ pub(crate) struct Entered {
     pub indices: Vec<usize>,
     /// Prior size, in units of the catalogue's prior.
     pub size: f64,
+    /// Minus the logarithm of the prior probability of that size, and of the way in which it enters.
+    pub choice_nats: f64,
 }
 
 /// What a refit changes, with what is known of it before.

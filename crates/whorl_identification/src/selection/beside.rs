@@ -185,14 +185,15 @@ impl<'a> Beside<'a> {
     }
 
     /// More columns in a view, at the likeliest size; columns whose values no platform can have are left out. `None` where none remains.
-    fn enter(&self, view: &View, columns: &[usize]) -> Option<Entering> {
-        let of_sizes = SIZES.iter().filter_map(|size| self.enter_at(view, columns.to_vec(), *size));
+    fn enter(&self, view: &View, columns: &[usize], left_out: &[usize]) -> Option<Entering> {
+        let of_sizes = SIZES.iter().filter_map(|size| self.enter_at(view, columns.to_vec(), left_out, *size));
         of_sizes.max_by(|a, b| a.gain.total_cmp(&b.gain))
     }
 
-    fn enter_at(&self, view: &View, columns: Vec<usize>, size: f64) -> Option<Entering> {
+    fn enter_at(&self, view: &View, columns: Vec<usize>, left_out: &[usize], size: f64) -> Option<Entering> {
         let own = self.own();
-        let all: Vec<usize> = (0..own).chain(columns.iter().copied().filter(|i| *i >= own)).collect();
+        let kept = (0..own).filter(|i| !left_out.contains(i));
+        let all: Vec<usize> = kept.chain(columns.iter().copied().filter(|i| *i >= own)).collect();
         let variance = |i: usize| {
             if columns.contains(&i) { self.entering_variance(i, size) } else { self.prior_variance(i) }
         };
@@ -215,21 +216,21 @@ impl<'a> Beside<'a> {
         if impossible.iter().any(|i| self.entries[*i].column.essential) {
             return None;
         }
-        self.enter_at(view, columns.into_iter().filter(|i| !impossible.contains(i)).collect(), size)
+        self.enter_at(view, columns.into_iter().filter(|i| !impossible.contains(i)).collect(), left_out, size)
     }
 
-    fn best_way(&self, view: &View, id: &'static str) -> Option<Entering> {
+    fn best_way(&self, view: &View, id: &'static str, left_out: &[usize]) -> Option<Entering> {
         let options = self.options(id);
         let ways = options.len();
         // A start with one of its directions left out is another start: all of them are essential.
-        let tried = options.iter().filter_map(|option| self.enter(view, option));
+        let tried = options.iter().filter_map(|option| self.enter(view, option, left_out));
         let best = tried.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
         Some(Entering { id, gain: best.gain - (ways as f64).ln(), ways, ..best })
     }
 
     /// An effect as the samples would have it enter, with the random torque that they show.
     pub fn entering(&self, id: &'static str) -> Option<Entering> {
-        self.best_way(&self.views[0], id)
+        self.best_way(&self.views[0], id, &[])
     }
 
     pub fn effects(&self) -> impl Iterator<Item = &'static str> + '_ {
@@ -243,10 +244,11 @@ impl<'a> Beside<'a> {
 
     /// The set with these effects more, each as it enters best in some view.
     pub fn with(&self, ids: &[&'static str]) -> Option<Hypothesis> {
-        let enter = |id: &&'static str| self.views.iter().find_map(|view| self.best_way(view, id));
+        let enter = |id: &&'static str| self.views.iter().find_map(|view| self.best_way(view, id, &[]));
         let each: Vec<Entering> = ids.iter().map(enter).collect::<Option<_>>()?;
         let columns: Vec<usize> = each.iter().flat_map(|e| e.columns.iter().copied()).collect();
-        let joint = self.enter(&self.views[0], &columns).filter(|joint| joint.columns.len() == columns.len());
+        let joint =
+            self.enter(&self.views[0], &columns, &[]).filter(|joint| joint.columns.len() == columns.len());
         let estimate = &joint.as_ref().or(each.first())?.estimate;
         Some(self.hypothesis(&each.iter().map(|e| (e, e.size)).collect::<Vec<_>>(), estimate))
     }
@@ -283,22 +285,44 @@ impl<'a> Beside<'a> {
 
     fn proposals_of(&self, view: &View, with_pairs: bool) -> Vec<Proposal> {
         let settings = self.settings();
-        let mut singles: Vec<Entering> = self.effects().filter_map(|id| self.best_way(view, id)).collect();
+        let mut singles: Vec<Entering> =
+            self.effects().filter_map(|id| self.best_way(view, id, &[])).collect();
         singles.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         let alone = |e: &Entering| e.gain + log_prior(&[e.id], settings);
         // As far from the fit as a view may go, a quadratic is not quite log p.
-        let doubt = |e: &Entering| settings.misspecification * (0.5 * e.drop - view.at_fit).max(0.0);
+        // Where it might be swayed by the doubt alone, states that take ten times as long to follow are not.
+        let is_hidden =
+            |id: &&str| find(id).is_some_and(|effect| effect.hidden_states(&self.runs.reference.model) > 0);
+        let doubt = |e: &Entering, ids: &[&str]| {
+            let share = if ids.iter().any(is_hidden) { 0.0 } else { settings.misspecification };
+            share * (0.5 * e.drop - view.at_fit).max(0.0)
+        };
         let one = |e| Proposal { gain: alone(e), hypothesis: self.hypothesis(&[(e, e.size)], &e.estimate) };
-        let mut all: Vec<Proposal> = singles.iter().filter(|e| alone(e) > -doubt(e)).map(one).collect();
+        let mut all: Vec<Proposal> =
+            singles.iter().filter(|e| alone(e) > -doubt(e, &[e.id])).map(one).collect();
+        // What was chosen before may have stood in for what shows beside it.
+        for out in self.set.names() {
+            let (columns, entered) = (self.set.columns_of(out), self.set.hypothesis.entered.get(out));
+            let back = entered.map_or(0.0, |entered| entered.choice_nats) - log_prior(&[out], settings);
+            for e in self.effects().filter_map(|id| self.best_way(view, id, &columns)) {
+                let gain = alone(&e) + back;
+                if gain > -doubt(&e, &[e.id]) {
+                    let mut hypothesis = self.hypothesis(&[(&e, e.size)], &e.estimate);
+                    hypothesis.leave_out(out);
+                    all.push(Proposal { hypothesis, gain });
+                }
+            }
+        }
         singles.truncate(if with_pairs { MOST_PAIRED } else { 0 });
         for (n, first) in singles.iter().enumerate() {
             for second in &singles[n + 1..] {
                 let mut columns = first.columns.clone();
                 columns.extend(second.columns.iter().filter(|i| !first.columns.contains(i)));
-                let Some(joint) = self.enter(view, &columns) else { continue };
+                let Some(joint) = self.enter(view, &columns, &[]) else { continue };
                 let ways = ((first.ways * second.ways) as f64).ln();
                 let gain = joint.gain - ways + log_prior(&[first.id, second.id], settings);
-                let is_more = gain > alone(first).max(alone(second)).max(-doubt(&joint));
+                let is_more =
+                    gain > alone(first).max(alone(second)).max(-doubt(&joint, &[first.id, second.id]));
                 if joint.columns.len() == columns.len() && is_more {
                     let parts = [(first, joint.size), (second, joint.size)];
                     all.push(Proposal { hypothesis: self.hypothesis(&parts, &joint.estimate), gain });
@@ -337,8 +361,8 @@ impl<'a> Beside<'a> {
             }
             indices.sort_unstable();
             indices.dedup();
-            hypothesis.entered.insert(entering.id, Entered { indices, size });
-            hypothesis.choices_nats += (entering.ways as f64).ln() + size_penalty_nats(size, self.settings());
+            let choice_nats = (entering.ways as f64).ln() + size_penalty_nats(size, self.settings());
+            hypothesis.entered.insert(entering.id, Entered { indices, size, choice_nats });
             hypothesis.effects.push(entering.id);
         }
         hypothesis.effects.sort_unstable();

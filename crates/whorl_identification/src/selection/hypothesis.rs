@@ -26,8 +26,18 @@ pub(crate) struct Hypothesis {
     pub effects: Vec<&'static str>,
     pub point: Point,
     pub entered: BTreeMap<&'static str, Entered>,
-    /// Minus the logarithm of the prior probability of the ways and sizes in which they enter.
-    pub choices_nats: f64,
+}
+
+impl Hypothesis {
+    pub fn leave_out(&mut self, id: &str) {
+        self.effects.retain(|own| *own != id);
+        self.entered.remove(id);
+        self.point.remove(id);
+    }
+
+    fn choices_nats(&self) -> f64 {
+        self.entered.values().map(|entered| entered.choice_nats).sum()
+    }
 }
 
 /// A hypothesis where it is likeliest.
@@ -58,6 +68,12 @@ impl Evaluated {
 
     pub fn owned_names(&self) -> Vec<String> {
         self.names().iter().map(|id| (*id).to_owned()).collect()
+    }
+
+    /// Share of what it explains that its formulas may leave.
+    pub fn shape_error(&self, settings: &crate::Settings) -> f64 {
+        let are_exact = self.names().iter().all(|id| find(id).is_some_and(|effect| effect.is_exact()));
+        if are_exact { settings.misspecification.powi(2) } else { settings.misspecification }
     }
 
     pub fn columns_of(&self, id: &str) -> Vec<usize> {
@@ -176,7 +192,7 @@ impl Runs<'_> {
         });
         let fitted = refit.likeliest(self.training, &starts, rival, &self.prediction())?;
         let mut found = Evaluated {
-            log_evidence: fitted.log_evidence - hypothesis.choices_nats,
+            log_evidence: fitted.log_evidence - hypothesis.choices_nats(),
             quiet_log_posterior: f64::NEG_INFINITY,
             held_out_log: base.map_or(0.0, |base| base.held_out_log),
             held_out_expected: None,
@@ -203,7 +219,7 @@ impl Runs<'_> {
         let rival = Rival { followed: &other.fitted.followed, log_posterior_needed: f64::NEG_INFINITY };
         again.fitted =
             set.refit(self.reference).likeliest(self.training, &starts, rival, &self.prediction())?;
-        again.log_evidence = again.fitted.log_evidence - set.hypothesis.choices_nats;
+        again.log_evidence = again.fitted.log_evidence - set.hypothesis.choices_nats();
         again.quiet_log_posterior = self.quiet_log_posterior(&again)?;
         self.follow_held_out(&mut again)?;
         again.seconds += begun.elapsed().as_secs_f64();

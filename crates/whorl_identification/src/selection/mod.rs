@@ -60,14 +60,18 @@ impl<'a> Selection<'a> {
                 selection.beside = selection.beside_of(&most, looked_for(options))?;
             }
             let is_new = !expanded.iter().any(|names| names == most.names());
-            let has_room = most.names().len() < options.largest_set && selection.evaluated.len() < MOST_FITS;
-            let Some(beside) = selection.beside.as_ref().filter(|_| is_new && has_room) else { break };
+            let Some(beside) = selection.beside.as_ref().filter(|_| is_new) else { break };
             expanded.push(most.names().to_vec());
             let is_first = most.names().is_empty();
-            let proposals = beside.proposals(is_first && options.largest_set > 1);
+            let mut proposals = beside.proposals(is_first && options.largest_set > 1);
+            proposals.retain(|proposal| proposal.hypothesis.effects.len() <= options.largest_set);
             for proposal in proposals.into_iter().take(MOST_ASKED[usize::from(!is_first)]) {
-                let is_known = selection.set(&proposal.hypothesis.effects).is_some();
-                if !is_known && selection.evaluated.len() < MOST_FITS {
+                let effects = &proposal.hypothesis.effects;
+                let is_known = selection.set(effects).is_some();
+                // What there is beside a set that is more probable by now is asked beside it.
+                let best = selection.most_probable().names();
+                let is_beside = best != most.names() && best.iter().all(|id| effects.contains(id));
+                if !is_known && !is_beside && selection.evaluated.len() < MOST_FITS {
                     progress(selection.progress("fitting what may be missing"));
                     selection.evaluate(proposal.hypothesis, &most)?;
                 }
@@ -185,7 +189,7 @@ impl<'a> Selection<'a> {
         let is_more_than = |smaller: &Evaluated| {
             let gained = set.log_evidence - smaller.log_evidence;
             let of_effects = set.gain_of_effects_beside(smaller.names());
-            let of_shape = settings.misspecification * (smaller.log_evidence - base.log_evidence);
+            let of_shape = smaller.shape_error(settings) * (smaller.log_evidence - base.log_evidence);
             gained > of_shape && gained <= settings.most_over_effects * of_effects + settings.doubt_nats
         };
         own > 0.0

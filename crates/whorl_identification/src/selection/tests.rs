@@ -44,10 +44,13 @@ fn a_fit_of_hidden_states_begins_where_a_platform_can_be() {
     let effect = find("flexible_mode").unwrap();
     let participation = (0.45 * inertia_kg_m2).sqrt();
     let values = vec![participation, participation, 0.0, 1.5, 0.01];
-    let entered = BTreeMap::from([("flexible_mode", Entered { indices: vec![0, 1, 3, 4], size: 1.0 })]);
+    let entered = BTreeMap::from([(
+        "flexible_mode",
+        Entered { indices: vec![0, 1, 3, 4], size: 1.0, choice_nats: 0.0 },
+    )]);
     let mut point = reference.point();
     point.insert("flexible_mode", values);
-    let hypothesis = Hypothesis { effects: vec!["flexible_mode"], point, entered, choices_nats: 0.0 };
+    let hypothesis = Hypothesis { effects: vec!["flexible_mode"], point, entered };
     let own = Refit::own(&reference, &available);
     let mut refit = own.clone();
     refit.add(effect, &hypothesis.point, hypothesis.entered.get("flexible_mode"));
