@@ -45,6 +45,7 @@ pub mod least_squares;
 pub mod line;
 mod mrp;
 pub mod noise;
+pub mod normal_equations;
 mod number;
 pub mod random_walk;
 pub mod resonance;

@@ -9,11 +9,12 @@ use whorl_prediction::{Rival, Settings, hints, longest_cell_s};
 use whorl_recording::Recording;
 
 use crate::DiagnosisError;
-use crate::fitting::normal_equations::{Estimate, Normal};
+use crate::fitting::about;
 use crate::fitting::refit::Refit;
 use crate::parameter_space::Reference;
 use crate::parameter_space::available::Available;
 use crate::stretch::stretch;
+use whorl_math::normal_equations::Estimate;
 
 /// Length of the start of each recording that is used \[s\]: a delay that matters for the whole recording shows in it.
 const LONGEST_S: f64 = 60.0;
@@ -51,7 +52,7 @@ pub(crate) fn take_those_that_delay(
         let (parameters, model_at) = (refit.parameters(), |units: &[f64]| refit.model_at(units));
         let (at, followed) = (&as_stated.at, &as_stated.followed);
         let found = hints(&parts, &parameters, &model_at, at, followed, &[], &by_readings)?;
-        let normal = Normal::about(&found, at, &parameters);
+        let normal = about(&found, at, &parameters);
         let all: Vec<usize> = (0..at.len()).collect();
         let top = Estimate::new(&normal, &all, |i| parameters[i].stddev.powi(2));
         let log: f64 = found.iter().map(|of_run| of_run.log_likelihood).sum();

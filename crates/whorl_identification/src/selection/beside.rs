@@ -11,7 +11,7 @@ use whorl_dynamics::effects::{Clues, Direction, find};
 use whorl_prediction::{Followed, Hints, Laws, Parameter, hints};
 use whorl_recording::Recording;
 
-use crate::fitting::normal_equations::{Estimate, Normal};
+use crate::fitting::about;
 use crate::fitting::refit::Entered;
 use crate::parameter_space::ways::{Entry, Ways, joined};
 use crate::selection::hidden::{Carriage, Carried};
@@ -19,6 +19,7 @@ use crate::selection::hypothesis::{Evaluated, Hypothesis, Runs};
 use crate::selection::{SIZES, log_prior, size_penalty_nats};
 use crate::verdict::diagnosis::ParameterEstimate;
 use crate::{DiagnosisError, Outcome, Settings};
+use whorl_math::normal_equations::{Estimate, Normal};
 
 /// Effects that are tried in pairs, those that gain most alone.
 const MOST_PAIRED: usize = 30;
@@ -136,7 +137,7 @@ impl<'a> Beside<'a> {
 
     /// One pass over the training runs, which have this much more log p than at the fit.
     fn view(&self, followed: &[Followed], log: f64) -> Outcome<Option<View>> {
-        let mut normal = Normal::about(&self.hints(self.runs.training, followed)?, &[], &[]);
+        let mut normal = about(&self.hints(self.runs.training, followed)?, &[], &[]);
         let mut at = DVector::zeros(normal.vector.len());
         at.rows_mut(0, self.own()).copy_from_slice(&self.set.fitted.at);
         normal.vector += &normal.matrix * &at;

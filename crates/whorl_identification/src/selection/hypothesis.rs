@@ -11,13 +11,14 @@ use whorl_prediction::{
 };
 use whorl_recording::Recording;
 
-use crate::fitting::normal_equations::{Estimate, Normal};
+use crate::fitting::about;
 use crate::fitting::refit::{Entered, Fit, Refit};
 use crate::parameter_space::available::Available;
 use crate::parameter_space::{Column, Point, Reference};
 use crate::selection::log_prior;
 use crate::verdict::diagnosis::ParameterEstimate;
 use crate::{Outcome, threads};
+use whorl_math::normal_equations::Estimate;
 
 /// A set of effects, and how each enters; by default none.
 #[derive(Debug, Clone, Default)]
@@ -254,7 +255,7 @@ impl Runs<'_> {
         let (parameters, model_at) = (refit.parameters(), |units: &[f64]| refit.model_at(units));
         let all = hints(self.training, &parameters, &model_at, at, &quiet, &[], &self.prediction())?;
         let of_prior: f64 = at.iter().zip(&set.stddevs).map(|(x, stddev)| -0.5 * (x / stddev).powi(2)).sum();
-        let (normal, own) = (Normal::about(&all, at, &parameters), (0..at.len()).collect::<Vec<_>>());
+        let (normal, own) = (about(&all, at, &parameters), (0..at.len()).collect::<Vec<_>>());
         let step = Estimate::new(&normal, &own, |i| set.stddevs[i].powi(2)).map_or(0.0, |of| 0.5 * of.drop);
         Ok(all.iter().map(|of_run| of_run.log_likelihood).sum::<f64>() + of_prior + step)
     }

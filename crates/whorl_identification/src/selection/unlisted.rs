@@ -9,13 +9,14 @@ use whorl_dynamics::PlatformModel;
 use whorl_prediction::{Disturbance, Followed, Laws, Prepared, Push, RandomTorque, followed_with, hints};
 use whorl_recording::Recording;
 
-use crate::fitting::normal_equations::{Estimate, Normal};
+use crate::fitting::about;
 use crate::grammar::{At, Grammar, Law, SIZES, of_diagnosis};
 use crate::selection::hypothesis::{Evaluated, Runs};
 use crate::signals::lines::Lines;
 use crate::signals::observed::{Applied, Observed};
 use crate::verdict::diagnosis::Unknown;
 use crate::{DiagnosisError, Outcome, threads};
+use whorl_math::normal_equations::Estimate;
 
 /// Random torque that any rig has, over that which is no background any more. An assumption: a tenth of its variance.
 const BACKGROUND: f64 = 0.3;
@@ -95,7 +96,7 @@ pub(crate) fn scored(
     let model_at = |units: &[f64]| refit.model_at(units);
     let followed = on_background(runs, set, applied)?;
     let found = hints(runs.training, &parameters, &model_at, at, &followed, &of_runs, &runs.prediction())?;
-    let normal = Normal::about(&found, at, &parameters);
+    let normal = about(&found, at, &parameters);
     // Columns behind those of the set.
     let beside = |columns: &[usize], size: f64| {
         let all: Vec<usize> = (0..own).chain(columns.iter().map(|column| own + column)).collect();

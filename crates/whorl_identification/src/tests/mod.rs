@@ -2,6 +2,5 @@ mod balance;
 mod contact;
 pub(crate) mod diagnoses;
 mod identification;
-mod normal_equations;
 mod sequential;
 mod simulation;

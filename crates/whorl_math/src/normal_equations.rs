@@ -1,34 +1,20 @@
-//! Normal equations, and normal fits to some of their columns with priors: linear algebra on values.
+//! Normal equations of a likelihood, and normal fits to some of their columns with priors.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
-use whorl_prediction::{Hints, Parameter};
 
 /// log p of a change x of columns is `vector . x - x . matrix x / 2` more.
 #[derive(Debug, Clone)]
-pub(crate) struct Normal {
+pub struct Normal {
+    /// Symmetric, a row and a column for each column.
     pub matrix: DMatrix<f64>,
+    /// As long.
     pub vector: DVector<f64>,
 }
 
 impl Normal {
+    /// That says nothing of so many columns.
     pub fn zeros(columns: usize) -> Self {
         Self { matrix: DMatrix::zeros(columns, columns), vector: DVector::zeros(columns) }
-    }
-
-    /// What recordings say about parameters at these values, the slope of their priors included: priors of changes are about no change.
-    pub fn about<'h>(hints: impl IntoIterator<Item = &'h Hints>, at: &[f64], priors: &[Parameter]) -> Self {
-        let mut normal = Self::zeros(0);
-        for of_run in hints {
-            if normal.vector.is_empty() {
-                normal = Self::zeros(of_run.slope.len());
-            }
-            normal.matrix += &of_run.information;
-            normal.vector += &of_run.slope;
-        }
-        for ((slope, units), prior) in normal.vector.iter_mut().zip(at).zip(priors) {
-            *slope -= units / prior.stddev.powi(2);
-        }
-        normal
     }
 
     /// Share of what a change of these columns does that a change of others follows.
@@ -48,9 +34,12 @@ impl Normal {
     }
 }
 
+/// Some columns where they are likeliest, the others at 0.
 #[derive(Debug, Clone)]
-pub(crate) struct Estimate {
+pub struct Estimate {
+    /// Which they are,
     pub active: Vec<usize>,
+    /// and their values, in this order.
     pub value: DVector<f64>,
     factor: Cholesky<f64, Dyn>,
     /// Log evidence over that without any change.
@@ -60,7 +49,7 @@ pub(crate) struct Estimate {
 }
 
 impl Estimate {
-    /// Posterior mean and evidence of `active` columns with prior variances.
+    /// Posterior mean and evidence of `active` columns with prior variances; `None` where the posterior has none.
     pub fn new(normal: &Normal, active: &[usize], variance: impl Fn(usize) -> f64) -> Option<Self> {
         let variances: Vec<f64> = active.iter().map(|i| variance(*i)).collect();
         let n = active.len();
@@ -76,6 +65,7 @@ impl Estimate {
         log_evidence.is_finite().then(|| Self { active: active.to_vec(), value, factor, log_evidence, drop })
     }
 
+    /// Posterior covariance, in the order of the active columns.
     pub fn covariance(&self) -> DMatrix<f64> {
         self.factor.inverse()
     }
@@ -90,5 +80,22 @@ impl Estimate {
         let mut all = DVector::zeros(columns);
         self.active.iter().zip(&self.value).for_each(|(i, value)| all[*i] = *value);
         all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn evidence_is_the_density_of_the_data() {
+        // One column of ones over two rows, y = (1, 2), prior variance 4: y ~ N(0, I + 4 11^T).
+        let mut normal = Normal::zeros(1);
+        normal.matrix[(0, 0)] = 2.0;
+        normal.vector[0] = 3.0;
+        let estimate = Estimate::new(&normal, &[0], |_| 4.0).unwrap();
+        // det = 9, y^T C^-1 y = 5 - 4/9 * 9 = 1; noise alone: 5.
+        let expected = -0.5 * 9f64.ln() - 0.5 + 2.5;
+        assert!((estimate.log_evidence - expected).abs() < 1e-12);
     }
 }
