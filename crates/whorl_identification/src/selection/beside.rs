@@ -25,6 +25,8 @@ use whorl_math::normal_equations::{Estimate, Normal};
 const MOST_PAIRED: usize = 30;
 /// Sets that are proposed in each view at most.
 const MOST_PROPOSED: usize = 12;
+/// Of these, in which an effect is exchanged for another one.
+const MOST_EXCHANGED: usize = 2;
 /// Prior variance of a column of which nothing is known, in its unit.
 const ANY_SIZE: f64 = 1e6;
 
@@ -206,10 +208,7 @@ impl<'a> Beside<'a> {
         let impossible: Vec<usize> = columns.iter().copied().filter(is_impossible).collect();
         if impossible.is_empty() {
             let first = &self.views[0];
-            let gain = view.log + estimate.log_evidence
-                - first.log
-                - first.without.log_evidence
-                - size_penalty_nats(size, self.settings());
+            let gain = self.gain(view, &estimate) - size_penalty_nats(size, self.settings());
             let drop = 2.0 * (view.log - first.log) + estimate.drop - first.without.drop;
             return Some(Entering { id: "", gain, size, columns, estimate, drop, ways: 1 });
         }
@@ -218,6 +217,12 @@ impl<'a> Beside<'a> {
             return None;
         }
         self.enter_at(view, columns.into_iter().filter(|i| !impossible.contains(i)).collect(), left_out, size)
+    }
+
+    /// Log evidence of an estimate in a view over that of the set.
+    fn gain(&self, view: &View, estimate: &Estimate) -> f64 {
+        let first = &self.views[0];
+        view.log + estimate.log_evidence - first.log - first.without.log_evidence
     }
 
     fn best_way(&self, view: &View, id: &'static str, left_out: &[usize]) -> Option<Entering> {
@@ -254,8 +259,9 @@ impl<'a> Beside<'a> {
         Some(self.hypothesis(&each.iter().map(|e| (e, e.size)).collect::<Vec<_>>(), estimate))
     }
 
-    /// Sets with one or two effects more that might be more probable than the set, those first that are foremost in some view.
-    pub fn proposals(&self, with_pairs: bool) -> Vec<Proposal> {
+    /// Sets with one or two effects more that might be more probable than the set, those first that are foremost in some view; before them those in
+    /// which an effect is exchanged. `known`: sets that were fitted.
+    pub fn proposals(&self, with_pairs: bool, known: &[Evaluated]) -> Vec<Proposal> {
         let window_nats = self.settings().window_nats;
         let of_view = |view: &View| {
             let all = self.proposals_of(view, with_pairs);
@@ -272,7 +278,10 @@ impl<'a> Beside<'a> {
             });
             with_half.collect::<Vec<_>>().into_iter()
         };
-        let mut of_views: Vec<_> = self.views.iter().map(of_view).collect();
+        let exchanges = |view| self.exchanges_of(view, known).into_iter().take(MOST_EXCHANGED);
+        let exchanges: Vec<Proposal> = self.views.iter().flat_map(exchanges).collect();
+        let mut of_views: Vec<_> =
+            std::iter::once(exchanges.into_iter()).chain(self.views.iter().map(of_view)).collect();
         let mut all: Vec<Proposal> = Vec::new();
         for _ in 0..MOST_PROPOSED {
             for proposal in of_views.iter_mut().filter_map(Iterator::next) {
@@ -284,36 +293,56 @@ impl<'a> Beside<'a> {
         all
     }
 
+    fn is_hidden(&self, id: &str) -> bool {
+        find(id).is_some_and(|effect| effect.hidden_states(&self.runs.reference.model) > 0)
+    }
+
+    /// Sets in which another effect takes the place of one that may only have stood in for it, best first: where those in sight gain by that, or lose no more
+    /// than what a view says of leaving that one out is wrong by, with the set without it `known`. What is late by a pulse is beyond any quadratic.
+    fn exchanges_of(&self, view: &View, known: &[Evaluated]) -> Vec<Proposal> {
+        let (settings, set) = (self.settings(), &self.set);
+        let worth = |of: &Evaluated| of.log_evidence + log_prior(of.names(), settings);
+        let mut all = Vec::new();
+        for out in set.names() {
+            let columns = set.columns_of(out);
+            let kept: Vec<usize> = (0..self.own()).filter(|i| !columns.contains(i)).collect();
+            let choice_nats = set.hypothesis.entered.get(out).map_or(0.0, |entered| entered.choice_nats);
+            let back = choice_nats - log_prior(&[out], settings);
+            let others: Vec<&str> = set.names().iter().copied().filter(|id| id != out).collect();
+            let without = Estimate::new(&view.normal, &kept, |i| self.prior_variance(i));
+            let smaller = known.iter().find(|known| known.names() == others).zip(without);
+            let wrong = smaller
+                .map_or(0.0, |(known, without)| worth(known) - worth(set) - self.gain(view, &without) - back);
+            let entering = self.effects().filter_map(|id| self.best_way(view, id, &columns));
+            for e in entering {
+                let gain = e.gain + log_prior(&[e.id], settings) + back;
+                let doubt_nats = if self.is_hidden(e.id) { 0.0 } else { wrong.max(0.0) };
+                if gain > -doubt_nats {
+                    let mut hypothesis = self.hypothesis(&[(&e, e.size)], &e.estimate);
+                    hypothesis.leave_out(out);
+                    hypothesis.doubt_nats = doubt_nats;
+                    all.push(Proposal { hypothesis, gain });
+                }
+            }
+        }
+        all.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        all
+    }
+
     fn proposals_of(&self, view: &View, with_pairs: bool) -> Vec<Proposal> {
         let settings = self.settings();
         let mut singles: Vec<Entering> =
             self.effects().filter_map(|id| self.best_way(view, id, &[])).collect();
         singles.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         let alone = |e: &Entering| e.gain + log_prior(&[e.id], settings);
-        // As far from the fit as a view may go, a quadratic is not quite log p.
-        // Where it might be swayed by the doubt alone, states that take ten times as long to follow are not.
-        let is_hidden =
-            |id: &&str| find(id).is_some_and(|effect| effect.hidden_states(&self.runs.reference.model) > 0);
+        // As far from the fit as a view may go, a quadratic is not quite log p; states of their own take ten times as long to follow as to doubt.
         let doubt = |e: &Entering, ids: &[&str]| {
-            let share = if ids.iter().any(is_hidden) { 0.0 } else { settings.misspecification };
+            let share = if ids.iter().any(|id| self.is_hidden(id)) { 0.0 } else { settings.misspecification };
             share * (0.5 * e.drop - view.at_fit).max(0.0)
         };
         let one = |e| Proposal { gain: alone(e), hypothesis: self.hypothesis(&[(e, e.size)], &e.estimate) };
         let mut all: Vec<Proposal> =
             singles.iter().filter(|e| alone(e) > -doubt(e, &[e.id])).map(one).collect();
-        // What was chosen before may have stood in for what shows beside it.
-        for out in self.set.names() {
-            let (columns, entered) = (self.set.columns_of(out), self.set.hypothesis.entered.get(out));
-            let back = entered.map_or(0.0, |entered| entered.choice_nats) - log_prior(&[out], settings);
-            for e in self.effects().filter_map(|id| self.best_way(view, id, &columns)) {
-                let gain = alone(&e) + back;
-                if gain > -doubt(&e, &[e.id]) {
-                    let mut hypothesis = self.hypothesis(&[(&e, e.size)], &e.estimate);
-                    hypothesis.leave_out(out);
-                    all.push(Proposal { hypothesis, gain });
-                }
-            }
-        }
         singles.truncate(if with_pairs { MOST_PAIRED } else { 0 });
         for (n, first) in singles.iter().enumerate() {
             for second in &singles[n + 1..] {
@@ -337,7 +366,7 @@ impl<'a> Beside<'a> {
     /// The set with these effects more, each with its size, where an estimate has them.
     fn hypothesis(&self, parts: &[(&Entering, f64)], estimate: &Estimate) -> Hypothesis {
         let reference = self.runs.reference;
-        let mut hypothesis = self.set.hypothesis.clone();
+        let mut hypothesis = Hypothesis { doubt_nats: 0.0, ..self.set.hypothesis.clone() };
         // The platform's own parameters move along.
         let own: Vec<f64> = (0..self.own()).map(|i| estimate.of(i)).collect();
         let mut point = self.set.refit(reference).point(&own);

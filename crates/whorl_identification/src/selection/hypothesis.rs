@@ -27,6 +27,8 @@ pub(crate) struct Hypothesis {
     pub effects: Vec<&'static str>,
     pub point: Point,
     pub entered: BTreeMap<&'static str, Entered>,
+    /// By how much it may be likelier than where it was proposed \[natural logarithm\].
+    pub doubt_nats: f64,
 }
 
 impl Hypothesis {
@@ -189,7 +191,8 @@ impl Runs<'_> {
         let rival = others.last().map_or(Rival::NONE, |from| Rival {
             followed: &from.fitted.followed,
             log_posterior_needed: from.fitted.log_posterior - log_prior(&hypothesis.effects, settings)
-                + log_prior(from.names(), settings),
+                + log_prior(from.names(), settings)
+                - hypothesis.doubt_nats,
         });
         let fitted = refit.likeliest(self.training, &starts, rival, &self.prediction())?;
         let mut found = Evaluated {

@@ -63,7 +63,7 @@ impl<'a> Selection<'a> {
             let Some(beside) = selection.beside.as_ref().filter(|_| is_new) else { break };
             expanded.push(most.names().to_vec());
             let is_first = most.names().is_empty();
-            let mut proposals = beside.proposals(is_first && options.largest_set > 1);
+            let mut proposals = beside.proposals(is_first && options.largest_set > 1, &selection.evaluated);
             proposals.retain(|proposal| proposal.hypothesis.effects.len() <= options.largest_set);
             for proposal in proposals.into_iter().take(MOST_ASKED[usize::from(!is_first)]) {
                 let effects = &proposal.hypothesis.effects;

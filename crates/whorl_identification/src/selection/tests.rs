@@ -50,7 +50,7 @@ fn a_fit_of_hidden_states_begins_where_a_platform_can_be() {
     )]);
     let mut point = reference.point();
     point.insert("flexible_mode", values);
-    let hypothesis = Hypothesis { effects: vec!["flexible_mode"], point, entered };
+    let hypothesis = Hypothesis { effects: vec!["flexible_mode"], point, entered, doubt_nats: 0.0 };
     let own = Refit::own(&reference, &available);
     let mut refit = own.clone();
     refit.add(effect, &hypothesis.point, hypothesis.entered.get("flexible_mode"));
