@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 use whorl_commands::identify::findings_as_json;
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::actuators::moving_masses::MovingMass;
+use whorl_dynamics::balance::{Ballast, plan_balance};
 use whorl_dynamics::mass_parameters::gravity_offset_b_n_m;
-use whorl_identification::balance::{Ballast, plan_balance};
 use whorl_identification::{Finding, Options, identify};
 use whorl_math::GRAVITY_M_S2;
 

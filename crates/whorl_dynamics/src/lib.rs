@@ -8,6 +8,7 @@
 //! these uses need is in its file.
 
 pub mod actuators;
+pub mod balance;
 pub mod effects;
 mod environment;
 pub mod gyrostat;

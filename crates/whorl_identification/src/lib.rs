@@ -7,7 +7,6 @@
 //! Source of names and equation numbers: J. L. Schwartz, *The Distributed Spacecraft Attitude Control System Simulator*, Ph.D. dissertation, Virginia
 //! Tech, 2004, sections 4.2-4.4 and 4.6; `docs/errata.md` lists where its equations are in error. Frames, signs and units: see `whorl_math`.
 
-pub mod balance;
 mod case;
 mod diagnose;
 mod discovery;
@@ -20,10 +19,8 @@ mod parameter_space;
 mod selection;
 mod settings;
 mod signals;
-mod stretch;
 #[cfg(test)]
 mod tests;
-mod threads;
 mod verdict;
 
 pub use diagnose::diagnose;

@@ -68,7 +68,7 @@ settings! {
     present = 0.005, SHARE;
     /// Probability that something is missing that the catalogue does not have, before any data \[1\].
     unmodelled = 0.01, SHARE;
-    /// Share of the evidence of an effect that its own wrong shape may leave to a second effect \[1\].
+    /// Share of the evidence of an effect that its own wrong shape may leave to a second effect: a tenth of its size; its square of exact formulas \[1\].
     misspecification = 0.01, SHARE;
     /// Standard deviation of a slow random torque, over the RMS of the applied torques, from which it is no background \[1\].
     background_share = 0.01, SHARE;

@@ -86,7 +86,7 @@ impl<'a> Filter<'a> {
         let Some(to_ns) = mean.set_out() else { return false };
         let case = mean.case;
         while mean.plant.now_ns() < to_ns && !mean.lost {
-            if gains.fastest_1_s() > LOST * case.fastest_1_s.max(1.0) {
+            if gains.fastest_1_s > LOST * case.fastest_1_s.max(1.0) {
                 mean.lost = true;
                 break;
             }

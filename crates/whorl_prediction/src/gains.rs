@@ -28,7 +28,7 @@ pub(crate) struct Gains {
     pub ahead: Vec<Lanes>,
     pub linearised: LinearisedPlant,
     place: Place,
-    fastest_1_s: f64,
+    pub fastest_1_s: f64,
     /// d/dt of the error of what moves, now and before.
     motion: DMatrix<f64>,
     before: DMatrix<f64>,
@@ -132,10 +132,6 @@ impl Gains {
 
     pub fn begin_ahead(&mut self, position: usize) {
         self.ahead[position].clone_from(self.claimed.as_ref().unwrap_or(&self.covariance));
-    }
-
-    pub fn fastest_1_s(&self) -> f64 {
-        self.fastest_1_s
     }
 
     pub fn longest_s(&self) -> f64 {

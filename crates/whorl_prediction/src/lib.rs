@@ -30,6 +30,7 @@ mod start;
 mod stop;
 #[cfg(test)]
 mod tests;
+pub mod threads;
 mod trail;
 mod within;
 

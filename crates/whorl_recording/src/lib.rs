@@ -21,6 +21,7 @@ mod read;
 mod recording;
 mod refusal;
 mod series;
+mod stretch;
 mod supplies;
 #[cfg(test)]
 mod tests;
@@ -42,6 +43,7 @@ pub use read::{ReadOptions, nothing_in, read_run, read_run_with};
 pub use recording::{Mounting, OnInterval, Recording, TrueMotion, VectorChannel};
 pub use refusal::{Needs, Refusal, Why, check, counts};
 pub use series::{ChannelSeries, Series};
+pub use stretch::stretch;
 pub use supplies::supplies;
 pub use truth::TruthCheck;
 pub use usable::usable_readings;

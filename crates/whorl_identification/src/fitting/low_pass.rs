@@ -6,14 +6,13 @@ use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::Need;
 use whorl_dynamics::platform::TriaxialErrors;
 use whorl_prediction::{Rival, Settings, hints, longest_cell_s};
-use whorl_recording::Recording;
+use whorl_recording::{Recording, stretch};
 
 use crate::DiagnosisError;
 use crate::fitting::about;
 use crate::fitting::refit::Refit;
 use crate::parameter_space::Reference;
 use crate::parameter_space::available::Available;
-use crate::stretch::stretch;
 use whorl_math::normal_equations::Estimate;
 
 /// Length of the start of each recording that is used \[s\]: a delay that matters for the whole recording shows in it.

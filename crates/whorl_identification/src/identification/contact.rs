@@ -5,9 +5,7 @@
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
 use whorl_estimation::sequential::{CONTACT_LASTS_S, touches};
-use whorl_recording::{Recording, Series};
-
-use crate::stretch::stretch;
+use whorl_recording::{Recording, Series, stretch};
 
 /// Specific forces are averaged over so long before they are judged \[s\]: motion is slow against it, and noise is not.
 const AVERAGED_S: f64 = 0.1;

@@ -95,6 +95,11 @@ pub(crate) struct Reference {
 }
 
 impl Reference {
+    /// Whether an effect has states of its own, with which a fit takes ten times as long.
+    pub fn is_hidden(&self, id: &str) -> bool {
+        find(id).is_some_and(|effect| effect.hidden_states(&self.model) > 0)
+    }
+
     /// The given values of an effect: the model's own, else neutral.
     pub fn values(&self, effect: &dyn Effect) -> Vec<f64> {
         let given = self.model.effects.get(effect.info().id);

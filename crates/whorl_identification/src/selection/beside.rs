@@ -25,8 +25,6 @@ use whorl_math::normal_equations::{Estimate, Normal};
 const MOST_PAIRED: usize = 30;
 /// Sets that are proposed in each view at most.
 const MOST_PROPOSED: usize = 12;
-/// Of these, in which an effect is exchanged for another one.
-const MOST_EXCHANGED: usize = 2;
 /// Prior variance of a column of which nothing is known, in its unit.
 const ANY_SIZE: f64 = 1e6;
 
@@ -89,7 +87,7 @@ impl<'a> Beside<'a> {
             let model = |step: f64| reference.possible_model_at(&entry.moved(reference, &at_set, step));
             [step, -step].into_iter().any(|step| is_there(step) && model(step).is_some())
         };
-        let is_hidden = |effect: &dyn Effect| effect.hidden_states(&reference.model) > 0;
+        let is_hidden = |effect: &dyn Effect| reference.is_hidden(effect.info().id);
         let is_open = |effect: &&dyn Effect| {
             let id = effect.info().id;
             let is_in_model = reference.model.effects.contains_key(id) && !effect.is_base();
@@ -278,8 +276,8 @@ impl<'a> Beside<'a> {
             });
             with_half.collect::<Vec<_>>().into_iter()
         };
-        let exchanges = |view| self.exchanges_of(view, known).into_iter().take(MOST_EXCHANGED);
-        let exchanges: Vec<Proposal> = self.views.iter().flat_map(exchanges).collect();
+        let exchanges: Vec<Proposal> =
+            self.views.iter().flat_map(|view| self.exchanges_of(view, known)).collect();
         let mut of_views: Vec<_> =
             std::iter::once(exchanges.into_iter()).chain(self.views.iter().map(of_view)).collect();
         let mut all: Vec<Proposal> = Vec::new();
@@ -293,17 +291,12 @@ impl<'a> Beside<'a> {
         all
     }
 
-    fn is_hidden(&self, id: &str) -> bool {
-        find(id).is_some_and(|effect| effect.hidden_states(&self.runs.reference.model) > 0)
-    }
-
-    /// Sets in which another effect takes the place of one that may only have stood in for it, best first: where those in sight gain by that, or lose no more
-    /// than what a view says of leaving that one out is wrong by, with the set without it `known`. What is late by a pulse is beyond any quadratic.
+    /// Sets in which another effect takes the place of one that may only have stood in for it: where they gain by that, or lose no more than what a view
+    /// says of leaving that one out is wrong by, with the set without it `known`. What is late by a pulse is beyond any quadratic.
     fn exchanges_of(&self, view: &View, known: &[Evaluated]) -> Vec<Proposal> {
         let (settings, set) = (self.settings(), &self.set);
         let worth = |of: &Evaluated| of.log_evidence + log_prior(of.names(), settings);
-        let mut all = Vec::new();
-        for out in set.names() {
+        let exchanged = |out: &&'static str| {
             let columns = set.columns_of(out);
             let kept: Vec<usize> = (0..self.own()).filter(|i| !columns.contains(i)).collect();
             let choice_nats = set.hypothesis.entered.get(out).map_or(0.0, |entered| entered.choice_nats);
@@ -313,20 +306,17 @@ impl<'a> Beside<'a> {
             let smaller = known.iter().find(|known| known.names() == others).zip(without);
             let wrong = smaller
                 .map_or(0.0, |(known, without)| worth(known) - worth(set) - self.gain(view, &without) - back);
+            let gain = |e: &Entering| e.gain + log_prior(&[e.id], settings) + back;
+            let doubt_nats = |id| if self.runs.reference.is_hidden(id) { 0.0 } else { f64::max(wrong, 0.0) };
             let entering = self.effects().filter_map(|id| self.best_way(view, id, &columns));
-            for e in entering {
-                let gain = e.gain + log_prior(&[e.id], settings) + back;
-                let doubt_nats = if self.is_hidden(e.id) { 0.0 } else { wrong.max(0.0) };
-                if gain > -doubt_nats {
-                    let mut hypothesis = self.hypothesis(&[(&e, e.size)], &e.estimate);
-                    hypothesis.leave_out(out);
-                    hypothesis.doubt_nats = doubt_nats;
-                    all.push(Proposal { hypothesis, gain });
-                }
-            }
-        }
-        all.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-        all
+            let best = entering.filter(|e| gain(e) > -doubt_nats(e.id));
+            let best = best.max_by(|a, b| gain(a).total_cmp(&gain(b)))?;
+            let mut hypothesis = self.hypothesis(&[(&best, best.size)], &best.estimate);
+            hypothesis.leave_out(out);
+            hypothesis.doubt_nats = doubt_nats(best.id);
+            Some(Proposal { hypothesis, gain: gain(&best) })
+        };
+        set.names().iter().filter_map(exchanged).collect()
     }
 
     fn proposals_of(&self, view: &View, with_pairs: bool) -> Vec<Proposal> {
@@ -337,7 +327,11 @@ impl<'a> Beside<'a> {
         let alone = |e: &Entering| e.gain + log_prior(&[e.id], settings);
         // As far from the fit as a view may go, a quadratic is not quite log p; states of their own take ten times as long to follow as to doubt.
         let doubt = |e: &Entering, ids: &[&str]| {
-            let share = if ids.iter().any(|id| self.is_hidden(id)) { 0.0 } else { settings.misspecification };
+            let share = if ids.iter().any(|id| self.runs.reference.is_hidden(id)) {
+                0.0
+            } else {
+                settings.misspecification
+            };
             share * (0.5 * e.drop - view.at_fit).max(0.0)
         };
         let one = |e| Proposal { gain: alone(e), hypothesis: self.hypothesis(&[(e, e.size)], &e.estimate) };

@@ -7,17 +7,17 @@ use nalgebra::DVector;
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::{Role, find};
 use whorl_prediction::{
-    Fitted, Followed, Noise, PredictionError, Prepared, Rival, Settings, follow, follow_again, hints,
+    Fitted, Followed, Noise, PredictionError, Prepared, Rival, Settings, follow, follow_again, hints, threads,
 };
 use whorl_recording::Recording;
 
+use crate::Outcome;
 use crate::fitting::about;
 use crate::fitting::refit::{Entered, Fit, Refit};
 use crate::parameter_space::available::Available;
 use crate::parameter_space::{Column, Point, Reference};
 use crate::selection::log_prior;
 use crate::verdict::diagnosis::ParameterEstimate;
-use crate::{Outcome, threads};
 use whorl_math::normal_equations::Estimate;
 
 /// A set of effects, and how each enters; by default none.
@@ -309,6 +309,5 @@ pub(super) fn starts(refit: &Refit<'_>, hypothesis: &Hypothesis, others: &[&Eval
 }
 
 fn has_hidden_states(refit: &Refit<'_>, hypothesis: &Hypothesis) -> bool {
-    let mut effects = hypothesis.effects.iter().filter_map(|id| find(id));
-    effects.any(|effect| effect.hidden_states(&refit.reference.model) > 0)
+    hypothesis.effects.iter().any(|id| refit.reference.is_hidden(id))
 }

@@ -6,7 +6,9 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
-use whorl_prediction::{Disturbance, Followed, Laws, Prepared, Push, RandomTorque, followed_with, hints};
+use whorl_prediction::{
+    Disturbance, Followed, Laws, Prepared, Push, RandomTorque, followed_with, hints, threads,
+};
 use whorl_recording::Recording;
 
 use crate::fitting::about;
@@ -15,7 +17,7 @@ use crate::selection::hypothesis::{Evaluated, Runs};
 use crate::signals::lines::Lines;
 use crate::signals::observed::{Applied, Observed};
 use crate::verdict::diagnosis::Unknown;
-use crate::{DiagnosisError, Outcome, threads};
+use crate::{DiagnosisError, Outcome};
 use whorl_math::normal_equations::Estimate;
 
 /// Random torque that any rig has, over that which is no background any more. An assumption: a tenth of its variance.

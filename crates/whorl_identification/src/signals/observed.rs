@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::PlatformModel;
 use whorl_math::noise::{sample_clock, typical_step_s};
-use whorl_prediction::{Followed, Noise, Prepared, SmoothedState, Start, Told, predict, smoothed};
+use whorl_prediction::{Followed, Noise, Prepared, SmoothedState, Start, Told, predict, smoothed, threads};
 use whorl_recording::{Channel, Component, Recording};
 
+use crate::DiagnosisError;
 use crate::parameter_space::available::sample_s;
 use crate::selection::hypothesis::{Evaluated, Runs};
-use crate::{DiagnosisError, threads};
 
 /// Time between states of a smoothed motion \[s\], and so many samples.
 const MOTION_S: f64 = 0.03;

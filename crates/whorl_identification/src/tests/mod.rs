@@ -1,4 +1,3 @@
-mod balance;
 mod contact;
 pub(crate) mod diagnoses;
 mod identification;

@@ -1,6 +1,5 @@
 //! The table of candidates: a row for each effect of the answer, and for each that was compared beside it.
 
-use whorl_dynamics::effects::find;
 use whorl_prediction::Followed;
 
 use crate::selection::beside::{Beside, Entering};
@@ -63,9 +62,8 @@ pub(super) fn rows(
             let absorbed = entering.as_ref().map_or(0.0, absorbed);
             return Some(row(id, log_evidence, drop, held_out, absorbed, parameters(larger, id)));
         }
-        let is_hidden = find(id).is_some_and(|effect| effect.hidden_states(&reference.model) > 0);
         let entering = entering?;
-        let absorbed = if is_hidden { 0.0 } else { absorbed(&entering) };
+        let absorbed = if reference.is_hidden(id) { 0.0 } else { absorbed(&entering) };
         Some(row(id, entering.gain, entering.drop, None, absorbed, beside.values(&entering)))
     };
     let of_beside = beside.iter().flat_map(|beside| beside.effects().filter_map(|id| other(beside, id)));

@@ -3,13 +3,12 @@
 mod search;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
-use rayon::prelude::*;
 use whorl_dynamics::PlatformModel;
 use whorl_recording::Recording;
 
 use crate::levels::{Fit, follow_without, followed_from};
 use crate::passes::Pass;
-use crate::{Followed, Laws, Noise, PredictionError, Prepared, Settings, Varied};
+use crate::{Followed, Laws, Noise, PredictionError, Prepared, Settings, Varied, threads};
 
 /// A parameter of a family of models, counted in a unit of its own from where nothing is known better.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,16 +66,16 @@ pub fn fit(
     let needed = rival.log_posterior_needed;
     let mut best = problem.settled(begun, true, needed)?;
     for _ in 0..JUDGED {
-        let has_moved;
-        (best, has_moved) = problem.settled_again(best, needed, |case, before| {
+        let at = best.iterate.at.clone();
+        best = problem.settled_again(best, needed, |case, before| {
             Ok(followed_from(case, &Noise::stated(case)?, before, Fit::Judged))
         })?;
-        if !has_moved {
+        if best.iterate.at == at {
             break;
         }
     }
     if !best.is_hopeless {
-        best = problem.settled_again(best, needed, |case, before| Ok(follow_without(case, before)))?.0;
+        best = problem.settled_again(best, needed, |case, before| Ok(follow_without(case, before)))?;
     }
     // Beside disturbances parameters hardly matter, and both shrink slowly: the model without them may explain everything by now.
     if let Some(undisturbed) = problem.without_disturbance(&best.iterate).filter(|_| !best.is_hopeless) {
@@ -224,13 +223,9 @@ impl Problem<'_> {
         of: impl Fn(&Prepared<'_>, usize) -> Result<T, PredictionError> + Sync,
     ) -> Result<Vec<T>, PredictionError> {
         let model = (self.model_at)(at).ok_or(PredictionError::NoModel)?;
-        let one = |(run, recording): (usize, &Recording)| {
-            of(&Prepared::new(recording, &model, *self.settings)?, run)
-        };
-        if self.settings.threads.min(self.recordings.len()) < 2 {
-            return self.recordings.iter().enumerate().map(one).collect();
-        }
-        self.recordings.par_iter().enumerate().map(one).collect()
+        let one = |run: &usize| of(&Prepared::new(&self.recordings[*run], &model, *self.settings)?, *run);
+        let runs: Vec<usize> = (0..self.recordings.len()).collect();
+        threads::map(self.settings.threads, &runs, one).into_iter().collect()
     }
 
     /// Models a little further along each parameter, on the side where there is one.

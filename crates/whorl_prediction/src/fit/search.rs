@@ -73,32 +73,24 @@ impl Problem<'_> {
         Ok(best?.1)
     }
 
-    /// The same with what else is found of each disturbed run, and whether its values belong to that and had to move.
+    /// The same with what else is `found` of each disturbed run, and the values that belong to that.
     pub fn settled_again(
         &self,
         mut best: Settled,
         least: f64,
         found: impl Fn(&Prepared<'_>, &Followed) -> Result<Followed, PredictionError> + Sync,
-    ) -> Result<(Settled, bool), PredictionError> {
-        let at = best.iterate.at.clone();
-        let followed = self.each(&at, |case, run| {
+    ) -> Result<Settled, PredictionError> {
+        let followed = self.each(&best.iterate.at, |case, run| {
             let before = &best.iterate.followed[run];
             if before.noise.disturbance.is_some() { found(case, before) } else { Ok(before.clone()) }
         })?;
         let is_other =
             |(a, b): (&Followed, &Followed)| (&a.noise, &a.fitted.start) != (&b.noise, &b.fitted.start);
         let are_others = followed.iter().zip(&best.iterate.followed).any(is_other);
-        best.iterate = self.iterate(&at, followed);
-        if !are_others {
-            return Ok((best, false));
-        }
-        best.information = None;
-        if best.is_hopeless {
-            return Ok((best, false));
-        }
-        let again = self.settled(best.iterate, false, least)?;
-        let has_moved = again.iterate.at != at;
-        Ok((again, has_moved))
+        best.iterate = self.iterate(&best.iterate.at, followed);
+        best.information = best.information.filter(|_| !are_others);
+        let stays = !are_others || best.is_hopeless;
+        if stays { Ok(best) } else { self.settled(best.iterate, false, least) }
     }
 
     /// Values and levels by turns, until both stand, or nothing likelier than `least` is in sight; first `roughly`, where levels are those of other values.

@@ -37,3 +37,6 @@ pub fn plan_balance(
     }
     (moves_m, after)
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,8 +1,6 @@
 //! Balancing plans.
 
-use nalgebra::{Unit, Vector3};
-
-use crate::balance::*;
+use super::*;
 
 fn three() -> Vec<Ballast> {
     [("x", Vector3::x_axis()), ("y", Vector3::y_axis()), ("z", Vector3::z_axis())]

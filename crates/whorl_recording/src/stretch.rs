@@ -1,10 +1,10 @@
 //! A part of a recording.
 
-use whorl_recording::{Recording, Series};
+use crate::{Recording, Series};
 
 /// What was measured of a run from one time to before another, with everything that was commanded; of wheels the command that holds at the
 /// start, so that nothing has to be known of the motion before.
-pub(crate) fn stretch(run: &Recording, from_s: f64, to_s: f64) -> Recording {
+pub fn stretch(run: &Recording, from_s: f64, to_s: f64) -> Recording {
     fn cut<T: Clone>(series: &Series<T>, from_s: f64, to_s: f64) -> Series<T> {
         let pairs = series.time_s.iter().copied().zip(series.value.iter().cloned());
         pairs.filter(|(t, _)| (from_s..to_s).contains(t)).collect()
