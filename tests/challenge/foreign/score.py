@@ -9,6 +9,7 @@
 import argparse
 import json
 import math
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -45,6 +46,8 @@ def judged(report, answer):
     named += report.get("confounded_with", [])
     truth = answer["answer"]
     row = {"kind": kind, "named": named, "truth": truth, "error": report.get("refused")}
+    # The most probable explanation, with its probability.
+    row["explanation"] = (report.get("explanations") or [None])[0]
     if truth == []:
         row["right"] = kind in ("nothing_missing", "not_enough_information")
     elif truth == ["unknown"]:
@@ -54,6 +57,12 @@ def judged(report, answer):
         row["exact"] = row["right"] and kind == "named"
     row["wrong_name"] = bool(named) and not any(set(s) == set(truth) for s in named)
     return row
+
+
+def processor_seconds():
+    """What the programs that were run have taken so far."""
+    spent = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return spent.ru_utime + spent.ru_stime
 
 
 def wilson(hits, count, z=1.96):
@@ -100,11 +109,13 @@ def main():
     for folder in cases:
         if folder.name in rows or (arguments.only and not any(o in folder.name for o in arguments.only)):
             continue
+        begun = processor_seconds()
         try:
             report = diagnose(arguments.whorl, folder, arguments.timeout)
         except subprocess.TimeoutExpired:
             report = {"refused": f"more than {arguments.timeout:.0f} s"}
         row = {"case": folder.name, **judged(report, json.loads((folder / "answer.json").read_text()))}
+        row["processor_s"] = round(processor_seconds() - begun, 1)
         rows[folder.name] = row
         print(f"{'right' if row['right'] else 'WRONG'} {folder.name}: {row['kind']} {row['named'] or row['error']}", file=sys.stderr)
         if arguments.json:
