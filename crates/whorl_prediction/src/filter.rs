@@ -13,7 +13,7 @@ use crate::start::known_biases;
 use crate::trail::Trail;
 use crate::{Innovation, Noise, Prepared, Start};
 
-/// A motion so many times as fast as any that was read, or as 1 rad/s, is lost: a start that was moved too far would be followed in steps of microseconds.
+/// A rate so many times as fast as any motion that was read, or as 1 rad/s, is lost: a start that was moved too far would be followed in steps of microseconds.
 const LOST: f64 = 100.0;
 
 pub(crate) struct Filter<'a> {
@@ -86,7 +86,7 @@ impl<'a> Filter<'a> {
         let Some(to_ns) = mean.set_out() else { return false };
         let case = mean.case;
         while mean.plant.now_ns() < to_ns && !mean.lost {
-            if gains.fastest_1_s > LOST * case.fastest_1_s.max(1.0) {
+            if mean.plant.state().omega_wb_b_rad_s.norm() > LOST * case.fastest_1_s.max(1.0) {
                 mean.lost = true;
                 break;
             }

@@ -28,7 +28,7 @@ pub(crate) struct Gains {
     pub ahead: Vec<Lanes>,
     pub linearised: LinearisedPlant,
     place: Place,
-    pub fastest_1_s: f64,
+    fastest_1_s: f64,
     /// d/dt of the error of what moves, now and before.
     motion: DMatrix<f64>,
     before: DMatrix<f64>,

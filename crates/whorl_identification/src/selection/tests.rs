@@ -6,12 +6,13 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_prediction::Fitted;
 
 use super::hypothesis::starts;
-use super::{Evaluated, Hypothesis};
-use crate::Settings;
+use super::{Evaluated, Hypothesis, Selection, looked_for};
+use crate::case::Case;
 use crate::fitting::refit::{Entered, Refit};
 use crate::parameter_space::Reference;
 use crate::parameter_space::available::Available;
-use crate::tests::diagnoses::generator::record;
+use crate::tests::diagnoses::generator::{map, record, wrong_model};
+use crate::{Options, Settings};
 
 fn is_borne_out(own: f64, held: f64, expected: impl Into<Option<f64>>) -> bool {
     super::is_borne_out(own, held, expected.into(), &Settings::default())
@@ -90,4 +91,24 @@ fn a_fit_of_hidden_states_begins_where_a_platform_can_be() {
     assert_eq!(begins, of_base);
     let (begins, of_base) = of_share(0.8);
     assert!(begins == 0.0 && of_base < 0.0, "{begins}");
+}
+
+/// Readings that are late look like jets that are. Beside jets that are late the samples say that the readings are, in their place.
+#[test]
+fn what_stood_in_for_another_effect_is_exchanged_for_it() {
+    let mut truth = PlatformModel::whorl_1_reference();
+    truth.effects = map(&[("imu_latency", &[("t_s", 0.03)])]);
+    let runs = [record(&truth, 7, 30.0, None)];
+    let (model, prior) = wrong_model(&truth, 7);
+    let options = Options::default();
+    let case = Case::new(&runs, &[], &model, &prior, &options).unwrap();
+    let mut selection = Selection::begun(case.runs(), &options).unwrap();
+    let late_jets = selection.with(&["thruster_delay"]).unwrap().unwrap();
+    let beside = selection.beside_of(&late_jets, looked_for(&options)).unwrap().unwrap();
+    selection.evaluated.push(late_jets);
+    let proposals = beside.proposals(false, &selection.evaluated);
+    let exchanged = proposals.iter().find(|of| of.hypothesis.effects == ["imu_latency"]).unwrap();
+    let late_s = exchanged.hypothesis.point["imu_latency"][0];
+    assert!((late_s - 0.03).abs() < 0.01, "{late_s}");
+    assert!(!exchanged.hypothesis.point.contains_key("thruster_delay"));
 }

@@ -120,8 +120,9 @@ impl Problem<'_> {
                 break;
             }
             let with_old_levels = self.log(&place.at, &place.passes);
-            // Values that gain so little leave levels as they are.
-            if is_top && !is_rough && with_old_levels - levels.log_posterior <= settings.fit_round_nats {
+            // Values that gain so little leave levels as they are, where these stood.
+            let gained = with_old_levels - levels.log_posterior;
+            if is_top && !roughly && round == 0 && gained <= settings.fit_round_nats {
                 let place = if place.is_near { self.with_columns(place)? } else { place };
                 best.information = Some(self.normal_equations(&place.at, &place.passes).2);
                 (best.iterate, best.stands) = (self.iterate_at(place), true);
