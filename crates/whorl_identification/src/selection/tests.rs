@@ -6,7 +6,7 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_prediction::Fitted;
 
 use super::hypothesis::starts;
-use super::{Evaluated, Hypothesis, Selection, looked_for};
+use super::{Evaluated, Hypothesis, Selection};
 use crate::case::Case;
 use crate::fitting::refit::{Entered, Refit};
 use crate::parameter_space::Reference;
@@ -103,8 +103,9 @@ fn what_stood_in_for_another_effect_is_exchanged_for_it() {
     let options = Options::default();
     let case = Case::new(&runs, &[], &model, &prior, &options).unwrap();
     let mut selection = Selection::begun(case.runs(), &options).unwrap();
+    let asked = ["imu_latency", "thruster_rise", "mass_shift"].map(|id| find(id).unwrap()).to_vec();
     let late_jets = selection.with(&["thruster_delay"]).unwrap().unwrap();
-    let beside = selection.beside_of(&late_jets, looked_for(&options)).unwrap().unwrap();
+    let beside = selection.beside_of(&late_jets, asked).unwrap().unwrap();
     selection.evaluated.push(late_jets);
     let proposals = beside.proposals(false, &selection.evaluated);
     let exchanged = proposals.iter().find(|of| of.hypothesis.effects == ["imu_latency"]).unwrap();

@@ -17,8 +17,8 @@ fn predictions_of_a_long_run_are_never_there_at_once() {
         });
         counted.bytes_max as f64
     };
-    // What is kept of a block of a run has room enough in the shorter one.
-    let (short_s, long_s) = (120.0, 240.0);
+    // What is kept of a block of a run, of means of readings, has room enough in the shorter one.
+    let (short_s, long_s) = (480.0, 600.0);
     let per_sample = (peak(long_s) - peak(short_s)) / ((long_s - short_s) * 100.0);
     assert!(per_sample < MOST_PER_SAMPLE, "{per_sample:.0} bytes for each sample");
 }
