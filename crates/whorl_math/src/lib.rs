@@ -52,6 +52,7 @@ pub mod resonance;
 mod rotation_vector;
 pub mod spectrum;
 pub mod statistics;
+pub mod threads;
 mod two_vector;
 mod vector;
 pub mod words;

@@ -30,7 +30,6 @@ mod start;
 mod stop;
 #[cfg(test)]
 mod tests;
-pub mod threads;
 mod trail;
 mod within;
 

@@ -257,8 +257,7 @@ impl<'a> Beside<'a> {
         Some(self.hypothesis(&each.iter().map(|e| (e, e.size)).collect::<Vec<_>>(), estimate))
     }
 
-    /// Sets with one or two effects more that might be more probable than the set, those first that are foremost in some view; before them those in
-    /// which an effect is exchanged. `known`: sets that were fitted.
+    /// Sets with one or two effects more, or another one, that might be more probable; foremost of a view first. `known`: sets that were fitted.
     pub fn proposals(&self, with_pairs: bool, known: &[Evaluated]) -> Vec<Proposal> {
         let window_nats = self.settings().window_nats;
         let of_view = |view: &View| {

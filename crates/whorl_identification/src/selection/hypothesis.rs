@@ -7,7 +7,7 @@ use nalgebra::DVector;
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::{Role, find};
 use whorl_prediction::{
-    Fitted, Followed, Noise, PredictionError, Prepared, Rival, Settings, follow, follow_again, hints, threads,
+    Fitted, Followed, Noise, PredictionError, Prepared, Rival, Settings, follow, follow_again, hints,
 };
 use whorl_recording::Recording;
 
@@ -19,6 +19,7 @@ use crate::parameter_space::{Column, Point, Reference};
 use crate::selection::log_prior;
 use crate::verdict::diagnosis::ParameterEstimate;
 use whorl_math::normal_equations::Estimate;
+use whorl_math::threads;
 
 /// A set of effects, and how each enters; by default none.
 #[derive(Debug, Clone, Default)]
@@ -61,6 +62,8 @@ pub(crate) struct Evaluated {
     pub held_out_log: f64,
     /// and by how much they should be likelier than with no effect, if the set is what there is; `None`: that is not known.
     pub held_out_expected: Option<f64>,
+    /// Smaller sets, and by how much it is likelier than each with the same levels, where that is no quadratic: readings beside the edge of a pulse.
+    pub gains_at_levels: Vec<(Vec<&'static str>, f64)>,
     pub seconds: f64,
 }
 
@@ -143,9 +146,11 @@ impl Evaluated {
         (count > 0).then_some((log_evidence, distance))
     }
 
-    /// Half that distance: what these effects gain by themselves. Infinite where that cannot be said.
+    /// Half that distance, or what was found with the same levels: what these effects gain by themselves. Infinite where that cannot be said.
     pub fn gain_of_effects_beside(&self, smaller: &[&str]) -> f64 {
-        self.brought_beside(smaller).map_or(f64::INFINITY, |(_, distance)| 0.5 * distance)
+        let found = self.gains_at_levels.iter().filter(|(names, _)| names == smaller).map(|(_, nats)| *nats);
+        let by_size = self.brought_beside(smaller).map_or(f64::INFINITY, |(_, distance)| 0.5 * distance);
+        found.fold(by_size, f64::max)
     }
 }
 
@@ -200,6 +205,7 @@ impl Runs<'_> {
             quiet_log_posterior: f64::NEG_INFINITY,
             held_out_log: base.map_or(0.0, |base| base.held_out_log),
             held_out_expected: None,
+            gains_at_levels: Vec::new(),
             held_out: base.map_or_else(Vec::new, |base| base.held_out.clone()),
             hypothesis,
             columns: refit.columns,
@@ -248,15 +254,20 @@ impl Runs<'_> {
         Ok(Some(all.iter().map(|of_run| 0.5 * apart.dot(&(&of_run.information * &apart))).sum()))
     }
 
-    /// See [`Evaluated::quiet_log_posterior`]: by a step from the values that were fitted beside random torques, which hide errors of some of them.
+    /// See [`Evaluated::quiet_log_posterior`].
     fn quiet_log_posterior(&self, set: &Evaluated) -> Outcome<f64> {
         if !set.fitted.followed.iter().any(|run| run.noise.disturbance.is_some()) {
             return Ok(set.fitted.log_posterior);
         }
         let quiet: Vec<Followed> = set.fitted.followed.iter().map(Followed::without_disturbance).collect();
+        self.log_posterior_with(set, &quiet)
+    }
+
+    /// log p of the training runs and the values of a set with other levels: by a step from its own values, of which its levels hide errors.
+    pub fn log_posterior_with(&self, set: &Evaluated, followed: &[Followed]) -> Outcome<f64> {
         let (refit, at) = (set.refit(self.reference), &set.fitted.at);
         let (parameters, model_at) = (refit.parameters(), |units: &[f64]| refit.model_at(units));
-        let all = hints(self.training, &parameters, &model_at, at, &quiet, &[], &self.prediction())?;
+        let all = hints(self.training, &parameters, &model_at, at, followed, &[], &self.prediction())?;
         let of_prior: f64 = at.iter().zip(&set.stddevs).map(|(x, stddev)| -0.5 * (x / stddev).powi(2)).sum();
         let (normal, own) = (about(&all, at, &parameters), (0..at.len()).collect::<Vec<_>>());
         let step = Estimate::new(&normal, &own, |i| set.stddevs[i].powi(2)).map_or(0.0, |of| 0.5 * of.drop);

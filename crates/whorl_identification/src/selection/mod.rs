@@ -133,7 +133,7 @@ impl<'a> Selection<'a> {
     fn evaluate(&mut self, hypothesis: Hypothesis, beside: &Evaluated) -> Outcome<()> {
         let base = self.base();
         let others = if beside.names().is_empty() { vec![base] } else { vec![base, beside] };
-        let Some(found) = DiagnosisError::possible(self.runs.evaluate(hypothesis, &others))? else {
+        let Some(mut found) = DiagnosisError::possible(self.runs.evaluate(hypothesis, &others))? else {
             return Ok(());
         };
         let doubt_nats = self.runs.reference.settings.doubt_nats;
@@ -146,6 +146,12 @@ impl<'a> Selection<'a> {
                 let again = DiagnosisError::possible(self.runs.refitted(set, &found))?;
                 if let Some(again) = again.filter(|again| again.log_evidence > set.log_evidence) {
                     *set = again;
+                }
+                // With states of their own they have other starts.
+                if !found.names().iter().any(|id| self.runs.reference.is_hidden(id)) {
+                    let log = self.runs.log_posterior_with(set, &found.fitted.followed);
+                    let gained = DiagnosisError::possible(log)?.map(|log| found.fitted.log_posterior - log);
+                    found.gains_at_levels.extend(gained.map(|gained| (set.names().to_vec(), gained)));
                 }
             }
         }

@@ -80,6 +80,7 @@ fn a_fit_of_hidden_states_begins_where_a_platform_can_be() {
             quiet_log_posterior: 0.0,
             held_out_log: 0.0,
             held_out_expected: None,
+            gains_at_levels: Vec::new(),
             seconds: 0.0,
         };
         let starts = starts(&refit, &hypothesis, &[&base]);

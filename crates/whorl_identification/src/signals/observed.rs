@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::PlatformModel;
 use whorl_math::noise::{sample_clock, typical_step_s};
-use whorl_prediction::{Followed, Noise, Prepared, SmoothedState, Start, Told, predict, smoothed, threads};
+use whorl_math::threads;
+use whorl_prediction::{Followed, Noise, Prepared, SmoothedState, Start, Told, predict, smoothed};
 use whorl_recording::{Channel, Component, Recording};
 
 use crate::DiagnosisError;
@@ -155,20 +156,11 @@ pub(crate) fn held_out_remains(runs: &Runs<'_>, set: &Evaluated) -> Result<Remai
         Ok(Grid::of(&case, &followed.undisturbed_noise(), &followed.undisturbed.start).1)
     };
     let pairs: Vec<(&Recording, &Followed)> = runs.held_out.iter().zip(&set.held_out).collect();
-    let all: Vec<Remains> =
-        threads::map(runs.threads, &pairs, of_run).into_iter().collect::<Result<_, _>>()?;
-    Ok(sum(all.into_iter()))
-}
-
-fn sum(all: impl Iterator<Item = Remains>) -> Remains {
-    all.fold(Remains::default(), |all, run| Remains {
-        square: all.square + run.square,
-        count: all.count + run.count,
-    })
+    threads::map(runs.threads, &pairs, of_run).into_iter().sum()
 }
 
 pub(crate) fn remains_of(observed: &[Observed<'_>]) -> Remains {
-    sum(observed.iter().map(|run| run.remains))
+    observed.iter().map(|run| run.remains).sum()
 }
 
 pub(crate) fn observed<'a>(runs: &Runs<'a>, set: &Evaluated) -> Result<Vec<Observed<'a>>, DiagnosisError> {
@@ -247,6 +239,12 @@ impl Grid {
 pub(crate) struct Remains {
     square: f64,
     count: f64,
+}
+
+impl std::iter::Sum for Remains {
+    fn sum<I: Iterator<Item = Self>>(all: I) -> Self {
+        all.fold(Self::default(), |a, b| Self { square: a.square + b.square, count: a.count + b.count })
+    }
 }
 
 impl Remains {

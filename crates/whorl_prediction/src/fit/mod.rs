@@ -4,11 +4,12 @@ mod search;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use whorl_dynamics::PlatformModel;
+use whorl_math::threads;
 use whorl_recording::Recording;
 
 use crate::levels::{Fit, follow_without, followed_from};
 use crate::passes::Pass;
-use crate::{Followed, Laws, Noise, PredictionError, Prepared, Settings, Varied, threads};
+use crate::{Followed, Laws, Noise, PredictionError, Prepared, Settings, Varied};
 
 /// A parameter of a family of models, counted in a unit of its own from where nothing is known better.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,8 +63,7 @@ pub fn fit(
 ) -> Result<Fitted, PredictionError> {
     let problem = Problem { recordings, parameters, model_at, settings };
     let begun = problem.begun(starts, rival.followed)?;
-    let log_posterior_before = begun.log_posterior;
-    let needed = rival.log_posterior_needed;
+    let (needed, log_posterior_before) = (rival.log_posterior_needed, begun.log_posterior);
     let mut best = problem.settled(begun, true, needed)?;
     for _ in 0..JUDGED {
         let at = best.iterate.at.clone();
