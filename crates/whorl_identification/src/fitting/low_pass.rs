@@ -9,8 +9,7 @@ use whorl_prediction::{Rival, Settings, hints, longest_cell_s};
 use whorl_recording::{Recording, stretch};
 
 use crate::DiagnosisError;
-use crate::fitting::about;
-use crate::fitting::refit::Refit;
+use crate::fitting::refit::{Refit, about};
 use crate::parameter_space::Reference;
 use crate::parameter_space::available::Available;
 use whorl_math::normal_equations::Estimate;

@@ -7,8 +7,6 @@ pub(crate) mod ties;
 
 use whorl_dynamics::effects::find;
 use whorl_dynamics::{Effect, ModelPrior, PlatformModel};
-use whorl_math::normal_equations::Normal;
-use whorl_prediction::{Hints, Parameter};
 use whorl_recording::Recording;
 
 use crate::case::Case;
@@ -47,24 +45,4 @@ pub fn fit(
     let refit = found.refit(&case.reference);
     leave_open_what_is_tied(&mut fit, (&refit, &found.fitted), &case.training, &chosen, options.threads)?;
     Ok(fit)
-}
-
-/// What recordings say about parameters at these values, the slope of their priors included: priors of changes are about no change.
-pub(crate) fn about<'h>(
-    hints: impl IntoIterator<Item = &'h Hints>,
-    at: &[f64],
-    priors: &[Parameter],
-) -> Normal {
-    let mut normal = Normal::zeros(0);
-    for of_run in hints {
-        if normal.vector.is_empty() {
-            normal = Normal::zeros(of_run.slope.len());
-        }
-        normal.matrix += &of_run.information;
-        normal.vector += &of_run.slope;
-    }
-    for ((slope, units), prior) in normal.vector.iter_mut().zip(at).zip(priors) {
-        *slope -= units / prior.stddev.powi(2);
-    }
-    normal
 }

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use whorl_dynamics::effects::{Role, find};
 use whorl_dynamics::{Effect, Gyrostat, ModelPrior, PlatformModel};
-use whorl_prediction::{Fitted, Followed, Parameter, Rival, Settings, fit};
+use whorl_math::normal_equations::Normal;
+use whorl_prediction::{Fitted, Followed, Hints, Parameter, Rival, Settings, fit};
 use whorl_recording::Recording;
 
 use crate::DiagnosisError;
@@ -210,4 +211,24 @@ impl<'a> Refit<'a> {
 /// Whether a column is a constant of the platform and not of an effect that was added.
 fn is_of_platform(column: &Column) -> bool {
     column.effect.is_none_or(|effect| effect.is_base())
+}
+
+/// What recordings say about parameters at these values, the slope of their priors included: priors of changes are about no change.
+pub(crate) fn about<'h>(
+    hints: impl IntoIterator<Item = &'h Hints>,
+    at: &[f64],
+    priors: &[Parameter],
+) -> Normal {
+    let mut normal = Normal::zeros(0);
+    for of_run in hints {
+        if normal.vector.is_empty() {
+            normal = Normal::zeros(of_run.slope.len());
+        }
+        normal.matrix += &of_run.information;
+        normal.vector += &of_run.slope;
+    }
+    for ((slope, units), prior) in normal.vector.iter_mut().zip(at).zip(priors) {
+        *slope -= units / prior.stddev.powi(2);
+    }
+    normal
 }

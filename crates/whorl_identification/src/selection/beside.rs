@@ -11,8 +11,7 @@ use whorl_dynamics::effects::{Clues, Direction, find};
 use whorl_prediction::{Followed, Hints, Laws, Parameter, hints};
 use whorl_recording::Recording;
 
-use crate::fitting::about;
-use crate::fitting::refit::Entered;
+use crate::fitting::refit::{Entered, about};
 use crate::parameter_space::ways::{Entry, Ways, joined};
 use crate::selection::hidden::{Carriage, Carried};
 use crate::selection::hypothesis::{Evaluated, Hypothesis, Runs};

@@ -12,8 +12,7 @@ use whorl_prediction::{
 use whorl_recording::Recording;
 
 use crate::Outcome;
-use crate::fitting::about;
-use crate::fitting::refit::{Entered, Fit, Refit};
+use crate::fitting::refit::{Entered, Fit, Refit, about};
 use crate::parameter_space::available::Available;
 use crate::parameter_space::{Column, Point, Reference};
 use crate::selection::log_prior;

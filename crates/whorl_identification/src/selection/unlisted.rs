@@ -9,7 +9,7 @@ use whorl_dynamics::PlatformModel;
 use whorl_prediction::{Disturbance, Followed, Laws, Prepared, Push, RandomTorque, followed_with, hints};
 use whorl_recording::Recording;
 
-use crate::fitting::about;
+use crate::fitting::refit::about;
 use crate::grammar::{At, Grammar, Law, SIZES, of_diagnosis};
 use crate::selection::hypothesis::{Evaluated, Runs};
 use crate::signals::lines::Lines;
