@@ -34,13 +34,13 @@ def joined(sets):
 
 
 def row(world, seed, case, family, truth, verdict, named, explanation, right, exact, wrong, seconds, stated_right=None):
-    """A row of the file; the explanation as `whorl diagnose --json` writes it."""
+    """A row, all of it text as in the file; the explanation as `whorl diagnose --json` writes it."""
     effects = sorted((explanation or {}).get("effects", [])) + ["?"] * bool((explanation or {}).get("with_unknown"))
     if stated_right is None:
         stated_right = sorted(truth) == effects
     return {
         "world": world,
-        "seed": seed,
+        "seed": str(seed),
         "case": case,
         "family": family,
         "truth": "+".join(sorted(truth)),
@@ -48,10 +48,10 @@ def row(world, seed, case, family, truth, verdict, named, explanation, right, ex
         "named": joined(named),
         "explanation": "+".join(effects),
         "probability": f"{(explanation or {}).get('probability', 0.0):.4f}",
-        "right": int(right),
-        "exact": int(exact),
-        "wrong": int(wrong),
-        "stated_right": int(stated_right) if explanation else "",
+        "right": str(int(right)),
+        "exact": str(int(exact)),
+        "wrong": str(int(wrong)),
+        "stated_right": str(int(stated_right)) if explanation else "",
         "processor_s": f"{seconds:.0f}",
     }
 

@@ -8,11 +8,13 @@
 
 import argparse
 import json
-import math
 import resource
 import subprocess
 import sys
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "measures"))
+import evidence
 
 
 def diagnose(whorl, folder, timeout):
@@ -65,33 +67,6 @@ def processor_seconds():
     return spent.ru_utime + spent.ru_stime
 
 
-def wilson(hits, count, z=1.96):
-    """95 % interval of a share."""
-    if count == 0:
-        return 0.0, 1.0
-    p, d = hits / count, 1 + z * z / count
-    half = z * math.sqrt(p * (1 - p) / count + z * z / (4 * count * count)) / d
-    middle = (p + z * z / (2 * count)) / d
-    return middle - half, middle + half
-
-
-def table(rows):
-    """The score, one line for each question."""
-    kinds = {
-        "one effect: right first": [r["right"] for r in rows if r["truth"] not in ([], ["unknown"])],
-        "one effect: exact": [r.get("exact", False) for r in rows if r["truth"] not in ([], ["unknown"])],
-        "nothing missing: left alone": [r["right"] for r in rows if r["truth"] == []],
-        "outside the catalogue: unknown": [r["right"] for r in rows if r["truth"] == ["unknown"]],
-        "a wrong name, all cases": [r["wrong_name"] for r in rows],
-        "refused with an error": [r["kind"] == "refused" for r in rows],
-    }
-    print("| question | share | 95 % interval | cases |\n|---|---|---|---|")
-    for name, hits in kinds.items():
-        low, high = wilson(sum(hits), len(hits))
-        share = f"{100 * sum(hits) / len(hits):.1f} %" if hits else "-"
-        print(f"| {name} | {share} | {100 * low:.0f}-{100 * high:.0f} % | {len(hits)} |")
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
@@ -121,7 +96,7 @@ def main():
         if arguments.json:
             with open(arguments.json, "a") as file:
                 file.write(json.dumps(row) + "\n")
-    table(list(rows.values()))
+    evidence.tables([evidence.of_foreign(row) for row in rows.values()])
 
 
 if __name__ == "__main__":

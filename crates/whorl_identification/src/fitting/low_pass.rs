@@ -5,6 +5,7 @@
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::Need;
 use whorl_dynamics::platform::TriaxialErrors;
+use whorl_math::normal_equations::Estimate;
 use whorl_prediction::{Rival, Settings, hints, longest_cell_s};
 use whorl_recording::{Recording, stretch};
 
@@ -12,7 +13,6 @@ use crate::DiagnosisError;
 use crate::fitting::refit::{Refit, about};
 use crate::parameter_space::Reference;
 use crate::parameter_space::available::Available;
-use whorl_math::normal_equations::Estimate;
 
 /// Length of the start of each recording that is used \[s\]: a delay that matters for the whole recording shows in it.
 const LONGEST_S: f64 = 60.0;

@@ -8,6 +8,7 @@ use std::collections::BTreeSet;
 use nalgebra::DVector;
 use whorl_dynamics::Effect;
 use whorl_dynamics::effects::{Clues, Direction, find};
+use whorl_math::normal_equations::{Estimate, Normal};
 use whorl_prediction::{Followed, Hints, Laws, Parameter, hints};
 use whorl_recording::Recording;
 
@@ -18,7 +19,6 @@ use crate::selection::hypothesis::{Evaluated, Hypothesis, Runs};
 use crate::selection::{SIZES, log_prior, size_penalty_nats};
 use crate::verdict::diagnosis::ParameterEstimate;
 use crate::{DiagnosisError, Outcome, Settings};
-use whorl_math::normal_equations::{Estimate, Normal};
 
 /// Effects that are tried in pairs, those that gain most alone.
 const MOST_PAIRED: usize = 30;

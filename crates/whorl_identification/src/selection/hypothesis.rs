@@ -6,6 +6,8 @@ use std::time::Instant;
 use nalgebra::DVector;
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::{Role, find};
+use whorl_math::normal_equations::Estimate;
+use whorl_math::threads;
 use whorl_prediction::{
     Fitted, Followed, Noise, PredictionError, Prepared, Rival, Settings, follow, follow_again, hints,
 };
@@ -17,8 +19,6 @@ use crate::parameter_space::available::Available;
 use crate::parameter_space::{Column, Point, Reference};
 use crate::selection::log_prior;
 use crate::verdict::diagnosis::ParameterEstimate;
-use whorl_math::normal_equations::Estimate;
-use whorl_math::threads;
 
 /// A set of effects, and how each enters; by default none.
 #[derive(Debug, Clone, Default)]

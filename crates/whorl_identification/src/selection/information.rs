@@ -7,13 +7,13 @@
 use nalgebra::DMatrix;
 use whorl_dynamics::effects::find;
 use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_math::normal_equations::{Estimate, Normal};
 use whorl_recording::Recording;
 
 use crate::case::Case;
 use crate::parameter_space::available::Available;
 use crate::selection::{Beside, Runs, SIZES, Selection, log_prior, looked_for, size_penalty_nats};
 use crate::{DiagnosisError, Options, Outcome};
-use whorl_math::normal_equations::{Estimate, Normal};
 
 /// Information in data on which explanation is true: as it is, or as it is expected to be.
 #[derive(Debug, Clone, PartialEq, Default)]

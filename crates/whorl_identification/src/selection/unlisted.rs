@@ -6,6 +6,8 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
+use whorl_math::normal_equations::Estimate;
+use whorl_math::threads;
 use whorl_prediction::{Disturbance, Followed, Laws, Prepared, Push, RandomTorque, followed_with, hints};
 use whorl_recording::Recording;
 
@@ -16,8 +18,6 @@ use crate::signals::lines::Lines;
 use crate::signals::observed::{Applied, Observed};
 use crate::verdict::diagnosis::Unknown;
 use crate::{DiagnosisError, Outcome};
-use whorl_math::normal_equations::Estimate;
-use whorl_math::threads;
 
 /// Random torque that any rig has, over that which is no background any more. An assumption: a tenth of its variance.
 const BACKGROUND: f64 = 0.3;
