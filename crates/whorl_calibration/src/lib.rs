@@ -10,17 +10,15 @@
 
 mod fit;
 mod sensors;
-mod still;
 #[cfg(test)]
 mod tests;
 
 use nalgebra::Vector3;
 use whorl_dynamics::platform::SensorSuite;
 use whorl_math::{allan_deviation, noise_densities};
-use whorl_recording::{Finding, Recording, usual_rate_hz};
+use whorl_recording::{Finding, Recording, Still, still_stretches, usual_rate_hz};
 
 pub use fit::Misfit;
-use still::{Still, still_stretches};
 
 /// Points of the Allan deviation in a decade of averaging times.
 const PER_DECADE: usize = 8;

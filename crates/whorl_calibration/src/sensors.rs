@@ -5,10 +5,9 @@ use std::f64::consts::TAU;
 use nalgebra::{SVector, UnitQuaternion, Vector1, Vector3, Vector4};
 use whorl_dynamics::sensing::untangled;
 use whorl_math::{GRAVITY_M_S2, integrate_rate, quaternion_exp, rotation_vector, unit_or};
-use whorl_recording::Finding;
+use whorl_recording::{Finding, Still};
 
 use crate::fit::{fit, three};
-use crate::still::Still;
 use crate::{CalibrationSettings, PerAxis, SensorCalibration};
 
 /// Largest plausible values of an accelerometer: bias [m/s^2], scale \[1\] and angles between the axes \[rad\].

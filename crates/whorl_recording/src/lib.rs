@@ -21,6 +21,7 @@ mod read;
 mod recording;
 mod refusal;
 mod series;
+mod still;
 mod stretch;
 mod supplies;
 #[cfg(test)]
@@ -43,6 +44,7 @@ pub use read::{ReadOptions, nothing_in, read_run, read_run_with};
 pub use recording::{Mounting, OnInterval, Recording, TrueMotion, VectorChannel};
 pub use refusal::{Needs, Refusal, Why, check, counts};
 pub use series::{ChannelSeries, Series};
+pub use still::{Readings, Still, still_stretches};
 pub use stretch::stretch;
 pub use supplies::supplies;
 pub use truth::TruthCheck;

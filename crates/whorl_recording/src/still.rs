@@ -3,7 +3,8 @@
 use nalgebra::Vector3;
 use whorl_dynamics::platform::{SensorSuite, TriaxialErrors};
 use whorl_math::statistics::{median, quantile};
-use whorl_recording::{Recording, Series};
+
+use crate::{Recording, Series};
 
 /// Shortest still stretch \[s\].
 const SHORTEST_S: f64 = 2.0;
@@ -16,12 +17,16 @@ const EDGE_S: f64 = 0.3;
 /// Windows with fewer samples say nothing.
 const FEWEST: usize = 5;
 
-/// What a sensor read within some time: mean, its standard deviation, and the largest scatter of its axes.
+/// What a sensor with three axes read within some time, in its unit.
 #[derive(Debug)]
-pub(super) struct Readings<'a> {
+pub struct Readings<'a> {
+    /// One by one.
     pub samples: &'a [Vector3<f64>],
+    /// Their mean,
     pub mean: Vector3<f64>,
+    /// and its standard deviation.
     pub stddev: Vector3<f64>,
+    /// The largest of its axes.
     scatter: f64,
 }
 
@@ -40,13 +45,16 @@ impl<'a> Readings<'a> {
 
 /// A still stretch.
 #[derive(Debug)]
-pub(super) struct Still<'a> {
+pub struct Still<'a> {
+    /// Of this run.
     pub run: &'a Recording,
+    /// Its beginning \[s\],
     pub from_s: f64,
+    /// and its end \[s\].
     pub to_s: f64,
-    /// [rad/s].
+    /// Of the gyro [rad/s].
     pub gyro: Readings<'a>,
-    /// [m/s^2].
+    /// Of the accelerometer [m/s^2].
     pub force: Readings<'a>,
 }
 
@@ -57,6 +65,7 @@ impl<'a> Still<'a> {
         Self { run, from_s, to_s, gyro, force }
     }
 
+    /// Its length \[s\].
     pub fn duration_s(&self) -> f64 {
         self.to_s - self.from_s
     }
@@ -64,7 +73,7 @@ impl<'a> Still<'a> {
 
 /// Stretches of a run where gyro and accelerometer show their noise alone. A window is still when its scatter is at most 2.5 times the
 /// quietest window's (or a share of the model's noise) and its mean rate does not differ from that of rest by more.
-pub(super) fn still_stretches<'a>(run: &'a Recording, sensors: &SensorSuite) -> Vec<Still<'a>> {
+pub fn still_stretches<'a>(run: &'a Recording, sensors: &SensorSuite) -> Vec<Still<'a>> {
     let times = &run.gyro_b_rad_s.time_s;
     let (Some(start), Some(end)) = (times.first(), times.last()) else { return Vec::new() };
     let count = ((end - start) / WINDOW_S).floor() as usize;
