@@ -6,7 +6,7 @@ pub(crate) mod ways;
 use std::collections::BTreeMap;
 use std::ops::Deref;
 
-use whorl_dynamics::effects::{BasePrior, Need, ParameterSpec, catalogue, find};
+use whorl_dynamics::effects::{BasePrior, Need, ParameterSpec, Role, catalogue, find};
 use whorl_dynamics::{Effect, EffectError, Gyrostat, MassProperties, ModelPrior, PlatformModel};
 
 use crate::parameter_space::available::Available;
@@ -57,6 +57,9 @@ impl Column {
     ) -> Self {
         let stddev = given_stddev * margin;
         let scale = if stddev > 0.0 { stddev } else { spec.prior_stddev };
+        // What may be anywhere in its range is not near its usual value: a uniform variable's deviation.
+        let is_anywhere = spec.role == Role::FloatingShape && (spec.max - spec.min).is_finite();
+        let anywhere = if is_anywhere { (spec.max - spec.min) / 12f64.sqrt() } else { 0.0 };
         Self {
             group: effect.map_or(MASS_PROPERTIES, |effect| effect.info().id),
             effect,
@@ -64,7 +67,7 @@ impl Column {
             given,
             given_stddev,
             scale,
-            catalogue_stddev: (spec.prior_stddev / scale).max(1.0),
+            catalogue_stddev: (spec.prior_stddev.max(anywhere) / scale).max(1.0),
             range: ((spec.min - given) / scale, (spec.max - given) / scale),
             spec,
         }
