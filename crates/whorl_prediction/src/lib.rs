@@ -39,7 +39,7 @@ pub use fit::{Fitted, Hints, ModelAt, Parameter, Rival, fit, hints};
 pub use fitted::{FittedStart, fitted_start};
 pub use innovations::{Innovation, instants_on_this_thread};
 pub use laws::{Laws, Push};
-pub use levels::{Followed, follow, follow_again, followed_with, longest_cell_s};
+pub use levels::{Followed, follow, follow_again, follow_like, followed_with, longest_cell_s};
 pub use noise::{Disturbance, Layout, Noise, RandomTorque};
 pub use other::Varied;
 pub use passes::{FrozenGains, frozen_gains, innovations, sensitivities};

@@ -64,7 +64,7 @@ impl Disturbance {
     }
 
     /// How many of them are not zero.
-    pub(crate) fn count(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.stddevs_n_m().filter(|stddev| *stddev > 0.0).count()
     }
 
@@ -83,6 +83,15 @@ impl Disturbance {
         let mut spread = Self { body: times_s.iter().map(of_time).collect(), ..self.clone() };
         spread.forget_silent();
         spread
+    }
+
+    /// As strong about each axis as about that one about which it is strongest: what another run of the platform may show.
+    #[must_use]
+    pub fn about_all_axes(mut self) -> Self {
+        for of in &mut self.body {
+            of.stddev_b_n_m = [of.stddev_b_n_m.iter().copied().fold(0.0, f64::max); 3];
+        }
+        self
     }
 
     pub(crate) fn forget_silent(&mut self) {

@@ -81,8 +81,9 @@ settings! {
     level_steps: usize = 8;
     /// Levels stand when a step would make the run likelier by no more than this (natural logarithm): they are within their deviations then.
     level_stands_nats: f64 = 0.3;
-    /// A random torque is left out whose best level makes the run likelier by less than this (natural logarithm): it is within its own deviation.
-    level_seen_nats: f64 = 0.5;
+    /// What the level of a random torque costs log evidence, and one whose best level makes the run likelier by less is left out (natural logarithm):
+    /// that of the seven sizes that levels begin with, decades apart, of which none is likelier before.
+    level_seen_nats: f64 = 1.95;
     /// Disturbances are there if they make a run likelier than chance does in 999 of 1000: by half the quantile of a chi-squared variable with
     /// as many degrees as there are torques that show, which is this many deviations of a normal variable.
     level_needed_deviations: f64 = 3.09;

@@ -32,7 +32,7 @@ fn fitted(run: &Recording, model: &PlatformModel, sloshes: bool, rival: Option<&
     let (starts, settings) = ([vec![0.5; count]], Settings::default());
     let found = match rival {
         Some(rival) => {
-            let rival = Rival { followed: &rival.followed, log_posterior_needed: f64::NEG_INFINITY };
+            let rival = Rival { followed: &rival.followed, ..Rival::NONE };
             fit(std::slice::from_ref(run), &parameters, &model_at, &starts, rival, &settings)
         }
         None => fit(std::slice::from_ref(run), &parameters, &model_at, &starts, Rival::NONE, &settings),

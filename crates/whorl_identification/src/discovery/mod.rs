@@ -155,10 +155,9 @@ fn evaluated(selection: &Selection<'_>, candidates: &[Candidate], id: &str) -> O
             value: of.estimate,
             stddev: of.posterior_stddev,
         };
-        let held_out_gain = found.held_out_log - base.held_out_log;
         let mut law = EvaluatedLaw {
-            log_evidence: found.log_evidence - base.log_evidence + held_out_gain.min(0.0),
-            held_out_gain: has_held_out.then_some(held_out_gain),
+            log_evidence: found.log_evidence - base.log_evidence + selection.held_out_nats(&found),
+            held_out_gain: has_held_out.then(|| selection.held_out_gain(&found)),
             background_n_m: found.torque_n_m(),
             parameters: of_effects.map(value).collect(),
             ..candidate.law.clone()

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 
 use nalgebra::DVector;
 use whorl_dynamics::Effect;
-use whorl_dynamics::effects::{Clues, Direction, find};
+use whorl_dynamics::effects::{Clues, Direction, Role, find};
 use whorl_math::normal_equations::{Estimate, Normal};
 use whorl_prediction::{Followed, Hints, Laws, Parameter, hints};
 use whorl_recording::Recording;
@@ -24,6 +24,8 @@ use crate::{DiagnosisError, Outcome, Settings};
 const MOST_PAIRED: usize = 30;
 /// Sets that are proposed in each view at most.
 const MOST_PROPOSED: usize = 12;
+/// Share of what random torques, or an effect, explain that another effect may leave by a quadratic, and still be tried in their place.
+const LEFT_OPEN: f64 = 0.25;
 /// Prior variance of a column of which nothing is known, in its unit.
 const ANY_SIZE: f64 = 1e6;
 
@@ -49,6 +51,8 @@ struct View {
     without: Estimate,
     /// log p over that of the fit with the values of the fit.
     at_fit: f64,
+    /// Without random torques.
+    quiet: bool,
 }
 
 #[derive(Debug, Clone)]
@@ -117,10 +121,10 @@ impl<'a> Beside<'a> {
         let loud = &set.fitted.followed;
         let quiet: Vec<Followed> = loud.iter().map(Followed::without_disturbance).collect();
         let log = |all: &[Followed]| all.iter().map(Followed::log_likelihood).sum::<f64>();
-        let lost = log(&quiet) - log(loud);
-        let of_quiet = (lost.is_finite() && lost < 0.0).then_some((&quiet, lost));
-        for (followed, log) in std::iter::once((loud, 0.0)).chain(of_quiet) {
-            let view = DiagnosisError::possible(beside.view(followed, log))?.flatten();
+        let lost = log(&quiet) - log(loud) + set.fitted.levels_nats;
+        let of_quiet = (lost.is_finite() && lost < 0.0).then_some((&quiet, lost, true));
+        for (followed, log, quiet) in std::iter::once((loud, 0.0, false)).chain(of_quiet) {
+            let view = DiagnosisError::possible(beside.view(followed, log, quiet))?.flatten();
             beside.views.extend(view);
         }
         Ok((!beside.views.is_empty()).then_some(beside))
@@ -134,17 +138,23 @@ impl<'a> Beside<'a> {
         self.set.columns.len()
     }
 
+    /// From where a column of the set is counted: amplitudes from none, shapes from where they were found, as one without an amplitude does nothing.
+    pub fn counted_from(&self, i: usize) -> f64 {
+        let is_shape = self.set.columns.get(i).is_some_and(|column| column.role != Role::Amplitude);
+        if is_shape { self.set.fitted.at[i] } else { 0.0 }
+    }
+
     /// One pass over the training runs, which have this much more log p than at the fit.
-    fn view(&self, followed: &[Followed], log: f64) -> Outcome<Option<View>> {
+    fn view(&self, followed: &[Followed], log: f64, quiet: bool) -> Outcome<Option<View>> {
         let mut normal = about(&self.hints(self.runs.training, followed)?, &[], &[]);
         let mut at = DVector::zeros(normal.vector.len());
-        at.rows_mut(0, self.own()).copy_from_slice(&self.set.fitted.at);
+        (0..self.own()).for_each(|i| at[i] = self.set.fitted.at[i] - self.counted_from(i));
         normal.vector += &normal.matrix * &at;
         let own: Vec<usize> = (0..self.own()).collect();
         let of_prior: f64 = own.iter().map(|i| at[*i].powi(2) / self.prior_variance(*i)).sum();
         let of_fit = normal.vector.dot(&at) - 0.5 * (at.dot(&(&normal.matrix * &at)) + of_prior);
         let without = Estimate::new(&normal, &own, |i| self.prior_variance(i));
-        Ok(without.map(|without| View { normal, log: log - of_fit, without, at_fit: log }))
+        Ok(without.map(|without| View { normal, log: log - of_fit, without, at_fit: log, quiet }))
     }
 
     /// The normal equations of each of these recordings about the set.
@@ -281,7 +291,11 @@ impl<'a> Beside<'a> {
         let mut all: Vec<Proposal> = Vec::new();
         for _ in 0..MOST_PROPOSED {
             for proposal in of_views.iter_mut().filter_map(Iterator::next) {
-                if all.iter().all(|known| known.hypothesis.effects != proposal.hypothesis.effects) {
+                let is_same = |known: &Proposal| {
+                    let (known, new) = (&known.hypothesis, &proposal.hypothesis);
+                    (&known.effects, known.quiet) == (&new.effects, new.quiet)
+                };
+                if !all.iter().any(is_same) {
                     all.push(proposal);
                 }
             }
@@ -290,7 +304,7 @@ impl<'a> Beside<'a> {
     }
 
     /// Sets in which another effect takes the place of one that may only have stood in for it: where they gain by that, or lose no more than what a view
-    /// says of leaving that one out is wrong by, with the set without it `known`. What is late by a pulse is beyond any quadratic.
+    /// says of leaving that one out is wrong by, with the set without it `known`, and little of it. What is late by a pulse is beyond any quadratic.
     fn exchanges_of(&self, view: &View, known: &[Evaluated]) -> Vec<Proposal> {
         let (settings, set) = (self.settings(), &self.set);
         let worth = |of: &Evaluated| of.log_evidence + log_prior(of.names(), settings);
@@ -301,16 +315,18 @@ impl<'a> Beside<'a> {
             let back = choice_nats - log_prior(&[out], settings);
             let others: Vec<&str> = set.names().iter().copied().filter(|id| id != out).collect();
             let without = Estimate::new(&view.normal, &kept, |i| self.prior_variance(i));
-            let smaller = known.iter().find(|known| known.names() == others).zip(without);
-            let wrong = smaller
-                .map_or(0.0, |(known, without)| worth(known) - worth(set) - self.gain(view, &without) - back);
+            let lost = without.map_or(0.0, |without| -self.gain(view, &without) - back);
+            // Fits are beside random torques, and so is what they came to.
+            let smaller = known.iter().find(|known| known.names() == others && !view.quiet);
+            let wrong = smaller.map_or(0.0, |known| worth(known) - worth(set) + lost);
             let gain = |e: &Entering| e.gain + log_prior(&[e.id], settings) + back;
             let doubt_nats = |id| if self.runs.reference.is_hidden(id) { 0.0 } else { f64::max(wrong, 0.0) };
             let entering = self.effects().filter_map(|id| self.best_way(view, id, &columns));
-            let best = entering.filter(|e| gain(e) > -doubt_nats(e.id));
+            let best = entering.filter(|e| gain(e) > -doubt_nats(e.id).min(LEFT_OPEN * lost));
             let best = best.max_by(|a, b| gain(a).total_cmp(&gain(b)))?;
             let mut hypothesis = self.hypothesis(&[(&best, best.size)], &best.estimate);
             hypothesis.leave_out(out);
+            hypothesis.quiet = view.quiet;
             hypothesis.doubt_nats = doubt_nats(best.id);
             Some(Proposal { hypothesis, gain: gain(&best) })
         };
@@ -332,9 +348,18 @@ impl<'a> Beside<'a> {
             };
             share * (0.5 * e.drop - view.at_fit).max(0.0)
         };
-        let one = |e| Proposal { gain: alone(e), hypothesis: self.hypothesis(&[(e, e.size)], &e.estimate) };
-        let mut all: Vec<Proposal> =
-            singles.iter().filter(|e| alone(e) > -doubt(e, &[e.id])).map(one).collect();
+        let proposal = |parts: &[(&Entering, f64)], estimate: &Estimate, gain: f64| {
+            let hypothesis = Hypothesis { quiet: view.quiet, ..self.hypothesis(parts, estimate) };
+            Proposal { hypothesis, gain }
+        };
+        // What explains less than most of what random torques explain leaves them there, and shows beside them.
+        let of_torques = -LEFT_OPEN * self.gain(view, &view.without);
+        let least = |e: &Entering| {
+            let is_hidden = self.runs.reference.is_hidden(e.id);
+            if view.quiet && !is_hidden { of_torques.max(0.0) } else { doubt(e, &[e.id]) }
+        };
+        let one = |e: &Entering| proposal(&[(e, e.size)], &e.estimate, alone(e));
+        let mut all: Vec<Proposal> = singles.iter().filter(|e| alone(e) > -least(e)).map(one).collect();
         singles.truncate(if with_pairs { MOST_PAIRED } else { 0 });
         for (n, first) in singles.iter().enumerate() {
             for second in &singles[n + 1..] {
@@ -347,7 +372,7 @@ impl<'a> Beside<'a> {
                     gain > alone(first).max(alone(second)).max(-doubt(&joint, &[first.id, second.id]));
                 if joint.columns.len() == columns.len() && is_more {
                     let parts = [(first, joint.size), (second, joint.size)];
-                    all.push(Proposal { hypothesis: self.hypothesis(&parts, &joint.estimate), gain });
+                    all.push(proposal(&parts, &joint.estimate, gain));
                 }
             }
         }
@@ -358,9 +383,9 @@ impl<'a> Beside<'a> {
     /// The set with these effects more, each with its size, where an estimate has them.
     fn hypothesis(&self, parts: &[(&Entering, f64)], estimate: &Estimate) -> Hypothesis {
         let reference = self.runs.reference;
-        let mut hypothesis = Hypothesis { doubt_nats: 0.0, ..self.set.hypothesis.clone() };
+        let mut hypothesis = Hypothesis { doubt_nats: 0.0, quiet: false, ..self.set.hypothesis.clone() };
         // The platform's own parameters move along.
-        let own: Vec<f64> = (0..self.own()).map(|i| estimate.of(i)).collect();
+        let own: Vec<f64> = (0..self.own()).map(|i| self.counted_from(i) + estimate.of(i)).collect();
         let mut point = self.set.refit(reference).point(&own);
         for (entering, size) in parts.iter().copied() {
             let Some(effect) = find(entering.id) else { continue };

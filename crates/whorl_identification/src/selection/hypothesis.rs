@@ -9,7 +9,7 @@ use whorl_dynamics::effects::{Role, find};
 use whorl_math::normal_equations::Estimate;
 use whorl_math::threads;
 use whorl_prediction::{
-    Fitted, Followed, Noise, PredictionError, Prepared, Rival, Settings, follow, follow_again, hints,
+    Disturbance, Fitted, Followed, Noise, PredictionError, Prepared, Rival, Settings, follow_like, hints,
 };
 use whorl_recording::Recording;
 
@@ -29,6 +29,8 @@ pub(crate) struct Hypothesis {
     pub entered: BTreeMap<&'static str, Entered>,
     /// By how much it may be likelier than where it was proposed \[natural logarithm\].
     pub doubt_nats: f64,
+    /// Whether it was proposed without the random torques of the set beside which it was, and is fitted from there.
+    pub quiet: bool,
 }
 
 impl Hypothesis {
@@ -57,7 +59,7 @@ pub(crate) struct Evaluated {
     pub log_evidence: f64,
     /// log p of the training runs and the values without random torques, at the values that are likeliest then; of a set that gains nothing none.
     pub quiet_log_posterior: f64,
-    /// log p of the held-out runs with these values,
+    /// log p of the held-out runs with these values, less what the levels of random torques cost,
     pub held_out_log: f64,
     /// and by how much they should be likelier than with no effect, if the set is what there is; `None`: that is not known.
     pub held_out_expected: Option<f64>,
@@ -194,9 +196,11 @@ impl Runs<'_> {
         let starts = starts(&refit, &hypothesis, others);
         let rival = others.last().map_or(Rival::NONE, |from| Rival {
             followed: &from.fitted.followed,
-            log_posterior_needed: from.fitted.log_posterior - log_prior(&hypothesis.effects, settings)
+            log_posterior_needed: from.fitted.log_posterior - from.fitted.levels_nats
                 + log_prior(from.names(), settings)
+                - log_prior(&hypothesis.effects, settings)
                 - hypothesis.doubt_nats,
+            quiet: hypothesis.quiet,
         });
         let fitted = refit.likeliest(self.training, &starts, rival, &self.prediction())?;
         let mut found = Evaluated {
@@ -214,7 +218,7 @@ impl Runs<'_> {
         };
         if base.is_none_or(|base| found.fitted.log_posterior > base.fitted.log_posterior) {
             found.quiet_log_posterior = self.quiet_log_posterior(&found)?;
-            self.follow_held_out(&mut found)?;
+            self.follow_held_out(&mut found, base.copied())?;
             let expected = base.map(|base| self.expected_of_held_out(&found, base)).transpose()?;
             found.held_out_expected = expected.flatten();
         }
@@ -223,14 +227,14 @@ impl Runs<'_> {
     }
 
     /// A set fitted again from its values and the noise levels of another one.
-    pub fn refitted(&self, set: &Evaluated, other: &Evaluated) -> Outcome<Evaluated> {
+    pub fn refitted(&self, set: &Evaluated, other: &Evaluated, base: &Evaluated) -> Outcome<Evaluated> {
         let (begun, mut again, starts) = (Instant::now(), set.clone(), [set.fitted.at.clone()]);
-        let rival = Rival { followed: &other.fitted.followed, log_posterior_needed: f64::NEG_INFINITY };
+        let rival = Rival { followed: &other.fitted.followed, ..Rival::NONE };
         again.fitted =
             set.refit(self.reference).likeliest(self.training, &starts, rival, &self.prediction())?;
         again.log_evidence = again.fitted.log_evidence - set.hypothesis.choices_nats();
         again.quiet_log_posterior = self.quiet_log_posterior(&again)?;
-        self.follow_held_out(&mut again)?;
+        self.follow_held_out(&mut again, Some(base))?;
         again.seconds += begun.elapsed().as_secs_f64();
         Ok(again)
     }
@@ -273,21 +277,36 @@ impl Runs<'_> {
         Ok(all.iter().map(|of_run| of_run.log_likelihood).sum::<f64>() + of_prior + step)
     }
 
-    /// Held-out recordings with the values of a set; from how the filter follows them with other ones, if it does.
-    pub fn follow(&self, held_out: &[Recording], set: &Evaluated) -> Outcome<Vec<Followed>> {
+    /// Held-out recordings with the values of a set: from its noise of readings, and torques as large as a training run has them with the values of no
+    /// effect, from which levels find their way down.
+    pub fn follow(
+        &self,
+        held_out: &[Recording],
+        set: &Evaluated,
+        base: &Evaluated,
+    ) -> Outcome<Vec<Followed>> {
         let model = set.model(self.reference)?;
+        let size = |of: &&Disturbance| of.body_stddev_b_n_m().iter().sum::<f64>();
+        let torques = base.fitted.followed.iter().map(|run| &run.noise.disturbance);
+        let loudest =
+            torques.max_by(|a, b| size(a).total_cmp(&size(b))).cloned().unwrap_or(Disturbance::NONE);
+        let loudest = loudest.about_all_axes();
         let runs: Vec<usize> = (0..held_out.len()).collect();
         let followed = |run: &usize| -> Outcome<Followed> {
             let case = Prepared::new(&held_out[*run], &model, self.prediction())?;
-            let (stated, before) = (Noise::stated(&case)?, set.held_out.get(*run));
-            Ok(before.map_or_else(|| follow(&case, &stated), |before| follow_again(&case, &stated, before)))
+            let stated = Noise::stated(&case)?;
+            let is_alike = |noise: &&Noise| noise.vector_rad.len() == stated.vector_rad.len();
+            let like = set.fitted.followed.iter().map(|run| &run.noise).find(is_alike).unwrap_or(&stated);
+            Ok(follow_like(&case, &stated, Noise { disturbance: loudest.clone(), ..like.clone() }))
         };
         threads::map(self.threads, &runs, followed).into_iter().collect()
     }
 
-    fn follow_held_out(&self, set: &mut Evaluated) -> Outcome<()> {
-        set.held_out = self.follow(self.held_out, set)?;
-        set.held_out_log = set.held_out.iter().map(Followed::log_likelihood).sum();
+    fn follow_held_out(&self, set: &mut Evaluated, base: Option<&Evaluated>) -> Outcome<()> {
+        set.held_out = self.follow(self.held_out, set, base.unwrap_or(set))?;
+        let level_nats = self.prediction().level_seen_nats;
+        let log = |run: &Followed| run.log_likelihood() - level_nats * run.noise.disturbance.count() as f64;
+        set.held_out_log = set.held_out.iter().map(log).sum();
         Ok(())
     }
 }

@@ -67,7 +67,9 @@ impl<'a> Selection<'a> {
             proposals.retain(|proposal| proposal.hypothesis.effects.len() <= options.largest_set);
             for proposal in proposals.into_iter().take(MOST_ASKED[usize::from(!is_first)]) {
                 let effects = &proposal.hypothesis.effects;
-                let is_known = selection.set(effects).is_some();
+                // One that was given up beside random torques may be there without them.
+                let is_quiet = proposal.hypothesis.quiet;
+                let is_known = selection.set(effects).is_some_and(|set| set.fitted.stands || !is_quiet);
                 // What there is beside a set that is more probable by now is asked beside it.
                 let best = selection.most_probable().names();
                 let is_beside = best != most.names() && best.iter().all(|id| effects.contains(id));
@@ -91,7 +93,7 @@ impl<'a> Selection<'a> {
         let is_fast = || !seen.rows.is_empty() || lines.is_any_faster(FASTEST_CYCLES / cell_s, settings);
         if cell_s > 0.0 && is_fast() {
             runs.each_reading = true;
-            base = runs.refitted(&base, &base)?;
+            base = runs.refitted(&base, &base, &base)?;
         }
         Ok(Self { runs, evaluated: vec![base], observed, seen, lines, beside: None })
     }
@@ -137,13 +139,14 @@ impl<'a> Selection<'a> {
             return Ok(());
         };
         let doubt_nats = self.runs.reference.settings.doubt_nats;
+        let no_effects = self.base().clone();
         for set in &mut self.evaluated {
             let is_smaller = set.names().len() < found.names().len()
                 && set.names().iter().all(|id| found.names().contains(id));
             let gained = found.log_evidence - set.log_evidence;
             // Neither may win by levels that the other was not offered.
             if is_smaller && gained > found.gain_of_effects_beside(set.names()) + doubt_nats {
-                let again = DiagnosisError::possible(self.runs.refitted(set, &found))?;
+                let again = DiagnosisError::possible(self.runs.refitted(set, &found, &no_effects))?;
                 if let Some(again) = again.filter(|again| again.log_evidence > set.log_evidence) {
                     *set = again;
                 }
@@ -155,7 +158,11 @@ impl<'a> Selection<'a> {
                 }
             }
         }
-        self.evaluated.push(found);
+        match self.evaluated.iter_mut().find(|set| set.names() == found.names()) {
+            Some(known) if known.log_evidence >= found.log_evidence => {}
+            Some(known) => *known = found,
+            None => self.evaluated.push(found),
+        }
         Ok(())
     }
 
@@ -163,11 +170,20 @@ impl<'a> Selection<'a> {
         self.evaluated.iter().find(|set| set.names() == names)
     }
 
-    /// Log posterior, up to a constant that all sets share. Held-out runs, with values that were fitted to others, may count against a set
-    /// and not for it: what they would add scatters by as much as it is.
+    /// Log posterior, up to a constant that all sets share.
     pub fn log_posterior(&self, set: &Evaluated) -> f64 {
-        let held = (set.held_out_log - self.base().held_out_log).min(0.0);
-        set.log_evidence + held + log_prior(set.names(), &self.runs.reference.settings)
+        set.log_evidence + self.held_out_nats(set) + log_prior(set.names(), &self.runs.reference.settings)
+    }
+
+    /// What held-out runs say for a set, with values that were fitted to the others: they are evidence as these are. What they gain beyond what its effects
+    /// bring, if they are there, comes from other levels of noise.
+    pub fn held_out_nats(&self, set: &Evaluated) -> f64 {
+        self.held_out_gain(set).min(set.held_out_expected.unwrap_or(0.0))
+    }
+
+    /// By how much a set makes held-out runs likelier than that of no effects does.
+    pub fn held_out_gain(&self, set: &Evaluated) -> f64 {
+        set.held_out_log - self.base().held_out_log
     }
 
     pub fn most_probable(&self) -> &Evaluated {
@@ -183,7 +199,7 @@ impl<'a> Selection<'a> {
         if set.names().is_empty() {
             return true;
         }
-        let (own, held) = (set.log_evidence - base.log_evidence, set.held_out_log - base.held_out_log);
+        let (own, held) = (set.log_evidence - base.log_evidence, self.held_out_gain(set));
         let quiet = base.quiet_log_posterior;
         let explains = set.quiet_log_posterior > quiet || !quiet.is_finite();
         let is_borne_out =

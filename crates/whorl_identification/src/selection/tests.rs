@@ -51,7 +51,7 @@ fn a_fit_of_hidden_states_begins_where_a_platform_can_be() {
     )]);
     let mut point = reference.point();
     point.insert("flexible_mode", values);
-    let hypothesis = Hypothesis { effects: vec!["flexible_mode"], point, entered, doubt_nats: 0.0 };
+    let hypothesis = Hypothesis { effects: vec!["flexible_mode"], point, entered, ..Hypothesis::default() };
     let own = Refit::own(&reference, &available);
     let mut refit = own.clone();
     refit.add(effect, &hypothesis.point, hypothesis.entered.get("flexible_mode"));
@@ -68,6 +68,7 @@ fn a_fit_of_hidden_states_begins_where_a_platform_can_be() {
             log_posterior: 0.0,
             log_posterior_before: 0.0,
             log_evidence: 0.0,
+            levels_nats: 0.0,
             stands: true,
         };
         let base = Evaluated {

@@ -27,7 +27,11 @@ impl Posterior {
     /// where a set leaves nothing: what is not there follows none.
     pub fn of(selection: &Selection<'_>, [best, base]: [Left<'_, '_>; 2], applied_n_m: f64) -> Outcome<Self> {
         let settings = &selection.runs.reference.settings;
+        // Held-out runs are not asked for a law: they count for it as they do for the set that they like best.
+        let admissible = selection.evaluated.iter().filter(|set| selection.is_admissible(set));
+        let held_out = admissible.map(|set| selection.held_out_nats(set)).fold(0.0, f64::max);
         let law_beside = |set: &Evaluated, unknown: Unknown, gain: f64| {
+            let gain = gain + held_out - selection.held_out_nats(set);
             let log_evidence = selection.log_posterior(set) + gain - log_prior(set.names(), settings);
             FittedSet { unmodelled: Some(unknown), log_evidence, ..of_set(selection, set, gain) }
         };
@@ -159,7 +163,7 @@ fn fitted_set(selection: &Selection<'_>, set: &Evaluated, applied_n_m: f64) -> F
         unmodelled: is_loud.then(|| Unknown::torque_in_time(torque_n_m)),
         parameters: parameters.collect(),
         log_evidence: set.log_evidence,
-        held_out_gain: (!held_out.is_empty()).then(|| set.held_out_log - selection.base().held_out_log),
+        held_out_gain: (!held_out.is_empty()).then(|| selection.held_out_gain(set)),
         probability: f64::from(selection.is_admissible(set)),
         termination: Some(if set.fitted.stands { Termination::Converged } else { Termination::GivenUp }),
         seconds: set.seconds,

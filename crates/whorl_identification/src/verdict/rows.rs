@@ -53,7 +53,9 @@ pub(super) fn rows(
         let mut names: Vec<&str> = best.names().iter().copied().chain([id]).collect();
         names.sort_unstable();
         let entering = beside.entering(id);
-        let step = |e: &Entering, i: usize| e.estimate.of(i) - best.fitted.at.get(i).unwrap_or(&0.0);
+        let step = |e: &Entering, i: usize| {
+            e.estimate.of(i) + beside.counted_from(i) - best.fitted.at.get(i).unwrap_or(&0.0)
+        };
         let absorbed = |e: &Entering| beside.absorbed(&e.columns, |i| step(e, i));
         if let Some(larger) = selection.set(&names) {
             let log_evidence = larger.log_evidence - best.log_evidence;

@@ -38,8 +38,10 @@ pub struct Fitted {
     pub log_posterior: f64,
     /// The same where the fit began.
     pub log_posterior_before: f64,
-    /// log p of the recordings, whatever the values: Laplace's integral over a normal posterior.
+    /// log p of the recordings, whatever the values: Laplace's integral over a normal posterior, less [`Self::levels_nats`].
     pub log_evidence: f64,
+    /// What the levels of random torques cost that, `level_seen_nats` each: that they are as likely as can be was not known before.
+    pub levels_nats: f64,
     /// Whether the values stand.
     pub stands: bool,
 }
@@ -62,7 +64,11 @@ pub fn fit(
     settings: &Settings,
 ) -> Result<Fitted, PredictionError> {
     let problem = Problem { recordings, parameters, model_at, settings };
-    let begun = problem.begun(starts, rival.followed)?;
+    let begun = if rival.quiet {
+        problem.begun_quiet(starts, rival.followed)?
+    } else {
+        problem.begun(starts, rival.followed)?
+    };
     let (needed, log_posterior_before) = (rival.log_posterior_needed, begun.log_posterior);
     let mut best = problem.settled(begun, true, needed)?;
     for _ in 0..JUDGED {
@@ -85,6 +91,8 @@ pub fn fit(
         }
     }
     let Iterate { at, followed, log_posterior } = best.iterate;
+    let levels: usize = followed.iter().map(|run| run.noise.disturbance.count()).sum();
+    let levels_nats = settings.level_seen_nats * levels as f64;
     let information = match best.information {
         Some(found) => found,
         None => problem.normal_equations(&at, &problem.passes(&at, &followed)?).2,
@@ -102,7 +110,8 @@ pub fn fit(
         followed,
         log_posterior,
         log_posterior_before,
-        log_evidence: log_posterior - narrower - known,
+        log_evidence: log_posterior - narrower - known - levels_nats,
+        levels_nats,
         stands: best.stands,
     })
 }
@@ -114,11 +123,13 @@ pub struct Rival<'a> {
     pub followed: &'a [Followed],
     /// What a fit must reach to be of use [natural logarithm].
     pub log_posterior_needed: f64,
+    /// Whether the fit begins without random torques: what these explain of the rival, its parameters may. Levels are those that the likeliest values leave.
+    pub quiet: bool,
 }
 
 impl Rival<'_> {
     /// Nobody.
-    pub const NONE: Self = Self { followed: &[], log_posterior_needed: f64::NEG_INFINITY };
+    pub const NONE: Self = Self { followed: &[], log_posterior_needed: f64::NEG_INFINITY, quiet: false };
 }
 
 /// What a recording says of parameters and of laws that no model has, about a model that was fitted: log p of a small change x

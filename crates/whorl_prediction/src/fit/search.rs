@@ -73,6 +73,13 @@ impl Problem<'_> {
         Ok(best?.1)
     }
 
+    /// The likeliest values without random torques, with the levels that they show then.
+    pub fn begun_quiet(&self, starts: &[Vec<f64>], rival: &[Followed]) -> Result<Iterate, PredictionError> {
+        let quiet: Vec<Followed> = rival.iter().map(Followed::without_disturbance).collect();
+        let settled = self.settled(self.begun(starts, &quiet)?, true, f64::NEG_INFINITY)?;
+        self.followed(&settled.iterate.at, Some(rival), Fit::Begun)
+    }
+
     /// The same with what else is `found` of each disturbed run, and the values that belong to that.
     pub fn settled_again(
         &self,

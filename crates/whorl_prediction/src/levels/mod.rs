@@ -100,8 +100,21 @@ pub(crate) fn follow_anew(case: &Prepared<'_>, stated: &Noise, fit: Fit) -> Foll
     });
     let best = tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(loud, |(_, noise)| noise);
     let noise = climb(case, stated, best.clone(), &start, Some(part), fit).map_or(best, |found| found.noise);
-    let fitted = start_by(&noise);
-    let longer = part.saturating_mul(LONGER);
+    followed_by(case, stated, noise, fit)
+}
+
+/// Follows a run beginning with the levels that other runs of the same platform show.
+pub fn follow_like(case: &Prepared<'_>, stated: &Noise, mut noise: Noise) -> Followed {
+    if !case.reads(Channel::WheelSpeed) {
+        noise.disturbance.motors_n_m.clear();
+    }
+    followed_by(case, stated, noise, Fit::None)
+}
+
+fn followed_by(case: &Prepared<'_>, stated: &Noise, noise: Noise, fit: Fit) -> Followed {
+    let settings = case.settings();
+    let fitted = fitted_start_within(case, &noise, settings.level_start_instants);
+    let longer = settings.level_first_instants.saturating_mul(LONGER);
     judged(case, found(case, stated, spread(case, noise), fitted, longer, fit), None, true)
 }
 

@@ -166,7 +166,7 @@ pub struct FittedSet {
     pub held_out_gain: Option<f64>,
     /// Log prior odds against no effect.
     pub log_prior: f64,
-    /// Log posterior.
+    /// Log posterior: both, and what held-out runs gain as far as the effects bring it.
     pub log_posterior: f64,
     /// Posterior probability, 0 to 1; 0 for a set that is not admissible: it does not lower the error.
     pub probability: f64,
