@@ -3,9 +3,11 @@
 #![expect(clippy::unwrap_used, reason = "a test stops at a broken precondition")]
 
 mod rigs;
+mod table;
 
 use std::collections::BTreeMap;
 
+use table::{TABLE, Table};
 use whorl_dynamics::PlatformModel;
 use whorl_prediction::{Fitted, Parameter, Rival, Settings, fit};
 use whorl_recording::Recording;
@@ -56,4 +58,30 @@ fn a_rival_may_have_other_states() {
             assert!(apart < 0.5, "{}: {apart} nats", rig.what);
         }
     }
+}
+
+/// A drag that the model lacks is slow, and a random torque explains it as well. Beside a rival that has such a torque it is found where the fit begins
+/// without: all of it, and no torque is left.
+#[test]
+fn what_random_torques_explain_of_a_rival_is_found_without_them() {
+    let table = Table { drag_n_m_s2: 0.03, wave_rad_s: 0.3, ..TABLE };
+    let run = [table.turned(5).0];
+    let model_at = |at: &[f64]| {
+        let mut model = table.model();
+        let drag = [("dz_n_m_s2".to_owned(), 0.1 * at.first().unwrap_or(&0.0))];
+        model.effects.insert("air_drag_quadratic".to_owned(), drag.into());
+        Some(model)
+    };
+    let settings = Settings::default();
+    let without = fit(&run, &[], &model_at, &[vec![]], Rival::NONE, &settings).unwrap();
+    assert!(without.levels_nats > 0.0, "a random torque stands for the drag");
+    let parameters = [Parameter { stddev: 1.0, range: (0.0, 10.0) }];
+    let rival = Rival { followed: &without.followed, quiet: true, ..Rival::NONE };
+    let with = fit(&run, &parameters, &model_at, &[vec![0.0]], rival, &settings).unwrap();
+    let off = (0.1 * with.at[0] - table.drag_n_m_s2) / (0.1 * with.covariance[(0, 0)].sqrt());
+    assert!(off.abs() < 3.0, "{off:.1} deviations off");
+    assert_eq!(with.levels_nats, 0.0);
+    let gained = with.log_evidence - without.log_evidence;
+    println!("measured: {gained:.1} nats, the drag {off:.1} deviations off");
+    assert!(gained > 5.0, "{gained:.1} nats");
 }
