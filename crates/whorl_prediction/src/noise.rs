@@ -64,7 +64,7 @@ impl Disturbance {
     }
 
     /// How many of them are not zero.
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.stddevs_n_m().filter(|stddev| *stddev > 0.0).count()
     }
 

@@ -116,6 +116,14 @@ impl Evaluated {
         (squares.sum::<f64>() / (3 * runs.len()).max(1) as f64).sqrt()
     }
 
+    /// Random torques as large as a training run has them, about all axes: of no effect those from which levels of held-out runs find their way down.
+    pub fn loudest_torques(&self) -> Disturbance {
+        let size = |of: &&Disturbance| of.body_stddev_b_n_m().iter().sum::<f64>();
+        let all = self.fitted.followed.iter().map(|run| &run.noise.disturbance);
+        let loudest = all.max_by(|a, b| size(a).total_cmp(&size(b))).cloned();
+        loudest.unwrap_or(Disturbance::NONE).about_all_axes()
+    }
+
     /// Whether one of its effects would have to be larger than any platform has it.
     pub fn is_at_the_end_of_a_range(&self) -> bool {
         let mut all = self.names().iter().flat_map(|id| self.columns_of(id));
@@ -218,7 +226,8 @@ impl Runs<'_> {
         };
         if base.is_none_or(|base| found.fitted.log_posterior > base.fitted.log_posterior) {
             found.quiet_log_posterior = self.quiet_log_posterior(&found)?;
-            self.follow_held_out(&mut found, base.copied())?;
+            let torques = base.copied().unwrap_or(&found).loudest_torques();
+            self.follow_held_out(&mut found, &torques)?;
             let expected = base.map(|base| self.expected_of_held_out(&found, base)).transpose()?;
             found.held_out_expected = expected.flatten();
         }
@@ -226,15 +235,15 @@ impl Runs<'_> {
         Ok(found)
     }
 
-    /// A set fitted again from its values and the noise levels of another one.
-    pub fn refitted(&self, set: &Evaluated, other: &Evaluated, base: &Evaluated) -> Outcome<Evaluated> {
+    /// A set fitted again from its values and the noise levels of another one; `torques`: with which held-out runs begin.
+    pub fn refitted(&self, set: &Evaluated, other: &Evaluated, torques: &Disturbance) -> Outcome<Evaluated> {
         let (begun, mut again, starts) = (Instant::now(), set.clone(), [set.fitted.at.clone()]);
         let rival = Rival { followed: &other.fitted.followed, ..Rival::NONE };
         again.fitted =
             set.refit(self.reference).likeliest(self.training, &starts, rival, &self.prediction())?;
         again.log_evidence = again.fitted.log_evidence - set.hypothesis.choices_nats();
         again.quiet_log_posterior = self.quiet_log_posterior(&again)?;
-        self.follow_held_out(&mut again, Some(base))?;
+        self.follow_held_out(&mut again, torques)?;
         again.seconds += begun.elapsed().as_secs_f64();
         Ok(again)
     }
@@ -277,35 +286,29 @@ impl Runs<'_> {
         Ok(all.iter().map(|of_run| of_run.log_likelihood).sum::<f64>() + of_prior + step)
     }
 
-    /// Held-out recordings with the values of a set: from its noise of readings, and torques as large as a training run has them with the values of no
-    /// effect, from which levels find their way down.
+    /// Held-out recordings with the values of a set: from its noise of readings, and random torques from which levels find their way down.
     pub fn follow(
         &self,
         held_out: &[Recording],
         set: &Evaluated,
-        base: &Evaluated,
+        torques: &Disturbance,
     ) -> Outcome<Vec<Followed>> {
         let model = set.model(self.reference)?;
-        let size = |of: &&Disturbance| of.body_stddev_b_n_m().iter().sum::<f64>();
-        let torques = base.fitted.followed.iter().map(|run| &run.noise.disturbance);
-        let loudest =
-            torques.max_by(|a, b| size(a).total_cmp(&size(b))).cloned().unwrap_or(Disturbance::NONE);
-        let loudest = loudest.about_all_axes();
         let runs: Vec<usize> = (0..held_out.len()).collect();
         let followed = |run: &usize| -> Outcome<Followed> {
             let case = Prepared::new(&held_out[*run], &model, self.prediction())?;
             let stated = Noise::stated(&case)?;
             let is_alike = |noise: &&Noise| noise.vector_rad.len() == stated.vector_rad.len();
             let like = set.fitted.followed.iter().map(|run| &run.noise).find(is_alike).unwrap_or(&stated);
-            Ok(follow_like(&case, &stated, Noise { disturbance: loudest.clone(), ..like.clone() }))
+            Ok(follow_like(&case, &stated, Noise { disturbance: torques.clone(), ..like.clone() }))
         };
         threads::map(self.threads, &runs, followed).into_iter().collect()
     }
 
-    fn follow_held_out(&self, set: &mut Evaluated, base: Option<&Evaluated>) -> Outcome<()> {
-        set.held_out = self.follow(self.held_out, set, base.unwrap_or(set))?;
-        let level_nats = self.prediction().level_seen_nats;
-        let log = |run: &Followed| run.log_likelihood() - level_nats * run.noise.disturbance.count() as f64;
+    fn follow_held_out(&self, set: &mut Evaluated, torques: &Disturbance) -> Outcome<()> {
+        set.held_out = self.follow(self.held_out, set, torques)?;
+        let settings = self.prediction();
+        let log = |run: &Followed| run.log_likelihood() - run.levels_nats(&settings);
         set.held_out_log = set.held_out.iter().map(log).sum();
         Ok(())
     }

@@ -59,7 +59,8 @@ pub fn expected_information(
         let nothing = ExpectedInformation::default();
         return Ok((nothing.clone(), vec![nothing; further.len()]));
     };
-    let with = beside.hints(&case.held_out, &runs.follow(&case.held_out, set, selection.base())?)?;
+    let with = beside
+        .hints(&case.held_out, &runs.follow(&case.held_out, set, &selection.base().loudest_torques())?)?;
     let at_hand = |set| Explained::of(&beside, set, beside.normal());
     let all: Vec<Explained<'_>> = explanations.iter().filter_map(|set| at_hand(set)).collect();
     let mut weights: Vec<f64> = all.iter().map(|of| of.weight).collect();

@@ -93,7 +93,7 @@ impl<'a> Selection<'a> {
         let is_fast = || !seen.rows.is_empty() || lines.is_any_faster(FASTEST_CYCLES / cell_s, settings);
         if cell_s > 0.0 && is_fast() {
             runs.each_reading = true;
-            base = runs.refitted(&base, &base, &base)?;
+            base = runs.refitted(&base, &base, &base.loudest_torques())?;
         }
         Ok(Self { runs, evaluated: vec![base], observed, seen, lines, beside: None })
     }
@@ -139,14 +139,14 @@ impl<'a> Selection<'a> {
             return Ok(());
         };
         let doubt_nats = self.runs.reference.settings.doubt_nats;
-        let no_effects = self.base().clone();
+        let torques = self.base().loudest_torques();
         for set in &mut self.evaluated {
             let is_smaller = set.names().len() < found.names().len()
                 && set.names().iter().all(|id| found.names().contains(id));
             let gained = found.log_evidence - set.log_evidence;
             // Neither may win by levels that the other was not offered.
             if is_smaller && gained > found.gain_of_effects_beside(set.names()) + doubt_nats {
-                let again = DiagnosisError::possible(self.runs.refitted(set, &found, &no_effects))?;
+                let again = DiagnosisError::possible(self.runs.refitted(set, &found, &torques))?;
                 if let Some(again) = again.filter(|again| again.log_evidence > set.log_evidence) {
                     *set = again;
                 }

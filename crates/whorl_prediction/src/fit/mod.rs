@@ -40,7 +40,7 @@ pub struct Fitted {
     pub log_posterior_before: f64,
     /// log p of the recordings, whatever the values: Laplace's integral over a normal posterior, less [`Self::levels_nats`].
     pub log_evidence: f64,
-    /// What the levels of random torques cost that, `level_seen_nats` each: that they are as likely as can be was not known before.
+    /// What the levels of random torques cost that ([`Followed::levels_nats`]).
     pub levels_nats: f64,
     /// Whether the values stand.
     pub stands: bool,
@@ -91,8 +91,7 @@ pub fn fit(
         }
     }
     let Iterate { at, followed, log_posterior } = best.iterate;
-    let levels: usize = followed.iter().map(|run| run.noise.disturbance.count()).sum();
-    let levels_nats = settings.level_seen_nats * levels as f64;
+    let levels_nats: f64 = followed.iter().map(|run| run.levels_nats(settings)).sum();
     let information = match best.information {
         Some(found) => found,
         None => problem.normal_equations(&at, &problem.passes(&at, &followed)?).2,

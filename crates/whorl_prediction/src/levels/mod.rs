@@ -54,6 +54,11 @@ impl Followed {
         self.undisturbed_likelihood.log + gained
     }
 
+    /// What the levels of its random torques cost log evidence, `level_seen_nats` each: that they are as likely as can be was not known before.
+    pub fn levels_nats(&self, settings: &Settings) -> f64 {
+        settings.level_seen_nats * self.noise.disturbance.count() as f64
+    }
+
     /// Whether its starts have the states of the model of a case: of a model with others nothing can be taken over.
     pub fn is_of(&self, case: &Prepared<'_>) -> bool {
         self.fitted.start.is_of(case) && self.undisturbed.start.is_of(case)
